@@ -24,23 +24,35 @@ from testbench.execution import RunOptions
 from testbench.pipeline.analyse import Result, analyse
 from testbench.records.specs.shipped import shipped_folder
 from tests.asking import analysis
+from tests.skips import complaint
 
 # The same examples every time, however busy the machine is.
 settings.register_profile("repeatable", deadline=None, derandomize=True, database=None)
 settings.load_profile("repeatable")
 
-MUST_RUN_IN_CI = ("data", "viewer", "browser")
-"""Tests with these markers may skip on a person's machine, never in CI."""
-
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]):
-    report = yield
-    marker = next((name for name in MUST_RUN_IN_CI if item.get_closest_marker(name)), None)
-    if os.environ.get("CI") and marker and report.skipped and not hasattr(report, "wasxfail"):
-        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr
-        report.outcome = "failed"
-        report.longrepr = f"a test marked '{marker}' must not skip in CI, but did: {reason}"
+    return without_needless_skip((yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector: pytest.Collector):
+    return without_needless_skip((yield))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with slow tests come first, so that no worker has one left at the end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
+def without_needless_skip(report):
+    """The report of a test or a module, failed where it skipped what CI could have installed."""
+    if report.skipped and not hasattr(report, "wasxfail"):
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+        if told := complaint(reason):
+            report.outcome, report.longrepr = "failed", told
     return report
 
 
@@ -124,12 +136,6 @@ def run_protocol(tmp_path_factory: pytest.TempPathFactory) -> RunMaker:
 def quick(run_protocol: RunMaker) -> Result:
     """The protocol `quick`, run once; its files must not be changed."""
     return run_protocol("quick")
-
-
-@pytest.fixture(scope="session")
-def elbow_flexion(run_protocol: RunMaker) -> Result:
-    """The protocol `elbow_flexion`, run once; its files must not be changed."""
-    return run_protocol("elbow_flexion")
 
 
 TINY = """\

@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import ast
 import inspect
+import json
 import re
+import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -17,6 +19,8 @@ ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("testbench", "tests", "examples")
 COLUMNS = 100
 MOST_ARGUMENTS = 7
+MOST_LINES = 50
+MOST_COMPLEX = 10
 SECTIONS = ("Args", "Attributes", "Raises")
 HEADINGS = (*SECTIONS, "Returns", "Yields", "Note", "Notes", "Example", "Examples", "References")
 ARRAYS = {"ndarray", "NDArray", "ArrayLike"}
@@ -64,8 +68,10 @@ def findings() -> list[Finding]:
     package = {file: ast.parse(file.read_text(encoding="utf-8")) for file in files("testbench")}
     found += circles(package)
     bases = classes(package.values())
+    complex_ones = complex_functions(ROOT / "testbench")
     for file, tree in package.items():
         found += many_arguments(file, tree)
+        found += long_functions(file, tree, complex_ones)
         found += shapeless(file, tree, bases)
         found += run_on_entries(file, tree)
     return found
@@ -92,6 +98,48 @@ def many_arguments(file: Path, tree: ast.AST) -> Iterator[Finding]:
         if isinstance(node, Function) and len(arguments(node)) > MOST_ARGUMENTS:
             text = f"{node.name} takes {len(arguments(node))} arguments"
             yield Finding("arguments", file, node.lineno, text)
+
+
+def complex_functions(folder: Path) -> set[tuple[Path, int]]:
+    """File and line of each function that ruff finds too complex."""
+    limit = f"lint.mccabe.max-complexity={MOST_COMPLEX}"
+    command = [sys.executable, "-m", "ruff", "check", "--isolated", "--select", "C901"]
+    command += ["--config", limit, "--output-format", "json", "--exit-zero", str(folder)]
+    told = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    return {(Path(each["filename"]), each["location"]["row"]) for each in json.loads(told)}
+
+
+def long_functions(
+    file: Path, tree: ast.Module, complex_ones: set[tuple[Path, int]]
+) -> Iterator[Finding]:
+    """Long or complex functions of which no comment says why they are one piece.
+
+    The comment stands directly above the function or its decorators, or begins its body.
+
+    Args:
+        file: The module.
+        tree: The same, parsed.
+        complex_ones: As `complex_functions` gives them.
+    """
+    lines: list[str] = []
+    for node in ast.walk(tree):
+        if not isinstance(node, Function):
+            continue
+        docstring = node.body[0] if ast.get_docstring(node, clean=False) is not None else None
+        length = node.end_lineno - node.lineno + 1
+        if docstring is not None:
+            length -= docstring.end_lineno - docstring.lineno + 1
+        if length > MOST_LINES:
+            text = f"{node.name} has {length} lines"
+        elif (file, node.lineno) in complex_ones:
+            text = f"{node.name} is complex"
+        else:
+            continue
+        lines = lines or file.read_text(encoding="utf-8").splitlines()
+        above = min(each.lineno for each in [node, *node.decorator_list]) - 2
+        begins = node.body[0].lineno - 2 if docstring is None else docstring.end_lineno
+        if not any(lines[i].lstrip().startswith("#") for i in (above, begins)):
+            yield Finding("long", file, node.lineno, f"{text} and no comment why")
 
 
 def arguments(function: Function) -> list[ast.arg]:

@@ -235,6 +235,7 @@ def _chain_clocks(
     return found
 
 
+# One piece: the three parts of the error share what is judged, where the arm was, and its axes.
 def sensor_budgets(
     session: Session,
     estimate: Estimate,

@@ -18,9 +18,15 @@ from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
 from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.left_out import left_out_notes
-from testbench.evaluation.magnetic import field_deviation, field_error_rows, field_rows
+from testbench.evaluation.magnetic import (
+    FieldDeviation,
+    field_deviation,
+    field_error_rows,
+    field_rows,
+)
 from testbench.evaluation.noise import LongRest, noise_rows, norm_error_percent
 from testbench.evaluation.orientation import (
+    SensorErrors,
     rank_sensor,
     sensor_errors,
     sensor_rows,
@@ -218,15 +224,17 @@ def _orientation_tables(
     )
     deviation = None if samples is None else field_deviation(errors, samples, session.steps)
     if deviation is not None:
-        parts.append(
-            ResultTables(
-                magnetic_field=field_rows(errors, deviation),
-                magnetic_errors=field_error_rows(errors, deviation),
-                magnetic_following=following_rows(errors, deviation),
-                series={magnetic_table(name): deviation.series(errors)},
-            )
-        )
+        parts.append(_magnetic_tables(name, errors, deviation))
     return parts
+
+
+def _magnetic_tables(name: str, errors: SensorErrors, deviation: FieldDeviation) -> ResultTables:
+    return ResultTables(
+        magnetic_field=field_rows(errors, deviation),
+        magnetic_errors=field_error_rows(errors, deviation),
+        magnetic_following=following_rows(errors, deviation),
+        series={magnetic_table(name): deviation.series(errors)},
+    )
 
 
 def _norm_metrics(name: str, rest: LongRest | None) -> list[Metric]:

@@ -158,6 +158,10 @@ def evaluate_sensor(
     return sensor_rows(found), found.series()
 
 
+ANGLES = {"heading": rotation.heading_angle, "inclination": rotation.inclination_angle}
+"""Parts of an error that are differences of angles."""
+
+
 def summarise_sensor(
     sensor: SensorErrors, budgets: list[UncertaintyBudget], true: TrueTurning
 ) -> list[OrientationSummary]:
@@ -171,10 +175,7 @@ def summarise_sensor(
     motions = sensor.by_motion()
     result: dict[str, list[OrientationSummary]] = {motion: [] for motion in motions}
     stated = {budget.quantity: budget for budget in budgets if budget.owner == sensor.name}
-    true_angles = {
-        "heading": rotation.heading_angle(sensor.q_true),
-        "inclination": rotation.inclination_angle(sensor.q_true),
-    }
+    true_angles = {part: angle(sensor.q_true) for part, angle in ANGLES.items()}
     steps = {motion: _steps_within(sensor, mask) for motion, mask in motions.items()}
     for key, errors in sensor.errors.items():
         own = sensor.estimate.orientation[key]
@@ -183,13 +184,7 @@ def summarise_sensor(
             ("heading", errors.heading),
             ("inclination", errors.inclination),
         ):
-            estimated = None
-            if part in true_angles:
-                estimated = (
-                    rotation.heading_angle(own)
-                    if part == "heading"
-                    else rotation.inclination_angle(own)
-                )
+            estimated = ANGLES[part](own) if part in ANGLES else None
             budget = stated.get(part)
             expanded = (
                 (None, None)

@@ -21,6 +21,7 @@ LEAST_RELEVANT = 0.01
 """A difference is shown only where it exceeds this, the last digit that the tables give [deg]."""
 
 
+# One piece: the comparisons decide what is kept, tested, lettered and ranked, in this order.
 def rank_filters(
     owner: str,
     section: str | None,

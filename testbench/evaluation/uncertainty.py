@@ -138,6 +138,7 @@ class ArmSensitivity:
         return np.asarray(sums / np.maximum(np.bincount(self.step, minlength=count), 1)[:, None])
 
 
+# One piece: one line of the budget after another, in the order in which they are shown.
 def arm_sources(
     robot: Robot, arm: ArmSamples, steps: Sequence[PlannedStep], c: ArmSensitivity
 ) -> list[UncertaintySource]:

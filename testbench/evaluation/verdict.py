@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
@@ -89,6 +90,16 @@ def summarise_metrics(evaluation: ResultTables) -> list[Metric]:
     return _joint_metrics(evaluation) + _chain_metrics(evaluation) + _sensor_metrics(evaluation)
 
 
+def _summarised(kind: str, own: list[JointSummary], whole: JointSummary | None) -> float | None:
+    """A metric as the summaries of a section have it: angles over all steps, times by motion."""
+    if whole and kind.endswith("_deg"):
+        return cast("float | None", getattr(whole.errors, _OF_ERRORS[kind]))
+    # the delay belongs to sweeps, settling to poses
+    known = (getattr(item.errors, _OF_ERRORS[kind]) for item in own)
+    return next((value for value in known if value is not None), None)
+
+
+# One piece: most lines are the arguments of one metric.
 def _joint_metrics(evaluation: ResultTables) -> list[Metric]:
     metrics = []
     lacking = _lacking(evaluation)
@@ -108,19 +119,7 @@ def _joint_metrics(evaluation: ResultTables) -> list[Metric]:
             own[0] if len(own) == 1 else next((item for item in own if item.motion == "all"), None)
         )
         for kind, meaning in JOINT_METRICS.items():
-            if kind in _POOL:
-                value: float | None = _POOL[kind](rows)
-            else:  # delay belongs to sweeps, settling to poses
-                known = [
-                    found
-                    for item in own
-                    if (found := getattr(item.errors, _OF_ERRORS[kind])) is not None
-                ]
-                value = (
-                    getattr(whole.errors, _OF_ERRORS[kind])
-                    if whole and kind.endswith("_deg")
-                    else (known or [None])[0]
-                )
+            value = _POOL[kind](rows) if kind in _POOL else _summarised(kind, own, whole)
             if value is None:
                 continue
             expanded = None
@@ -207,19 +206,9 @@ def _sensor_metrics(evaluation: ResultTables) -> list[Metric]:
             name = f"{row.sensor}.{kind}"
             if kind == "total_latency_ms":
                 moving = found.get((row.sensor, row.filter, "dynamic", "total"))
-                if moving is not None and moving.errors.latency_ms is not None:
-                    metrics.append(
-                        Metric(
-                            name,
-                            moving.errors.latency_ms,
-                            "ms",
-                            None,
-                            None,
-                            None,
-                            meaning,
-                            row.filter,
-                        )
-                    )
+                late = None if moving is None else moving.errors.latency_ms
+                if late is not None:
+                    metrics.append(Metric(name, late, "ms", None, None, None, meaning, row.filter))
                 continue
             part, attribute, confidence = _OF_PARTS[kind]
             item = found.get((row.sensor, row.filter, "all", part))

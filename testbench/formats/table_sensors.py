@@ -42,6 +42,7 @@ class Layout:
     earth: str = "ENU"
 
 
+# One piece: units, conversion and times of a table depend on one another.
 def table_sensor(
     source: Source, found: Found, layout: Layout, name: str, options: Options, notes: list[str]
 ) -> ImportedSensor:

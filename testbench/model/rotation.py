@@ -10,11 +10,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-Four = tuple[float, float, float, float]
-"""One quaternion w, x, y, z in a compiled loop."""
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 GIMBAL_LOCK = 1e-7
 """So near to its end the middle angle leaves only the sum or difference of the others [rad]."""
+
+Parts = tuple[float, float, float, float]
+"""w, x, y, z of one quaternion."""
 
 
 def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -55,7 +56,7 @@ def _products(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def product(p: Four, q: Four) -> Four:
+def product(p: Parts, q: Parts) -> Parts:
     """Hamilton product p q of one pair, for compiled loops."""
     pw, px, py, pz = p
     qw, qx, qy, qz = q

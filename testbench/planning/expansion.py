@@ -13,7 +13,16 @@ import numpy as np
 from testbench.exceptions import ExpressionError, FileProblems, NotFoundError
 from testbench.planning.expressions import UnknownVariable, evaluate_expression
 from testbench.records.specs.protocol import Protocol
-from testbench.records.specs.protocol_steps import Motion, Role, Section, Step, Sweep
+from testbench.records.specs.protocol_steps import (
+    Fourier,
+    Motion,
+    Role,
+    Section,
+    Sine,
+    Step,
+    Sweep,
+    Trapezoid,
+)
 from testbench.records.specs.robot import Robot
 
 MOST_COMMANDS = 100_000
@@ -48,6 +57,11 @@ class SineCommand:
     ramp_cycles: float
     phase: float
 
+    @property
+    def duration(self) -> float:
+        """With both fades [s]."""
+        return (self.cycles + 2 * self.ramp_cycles) / self.frequency
+
 
 @dataclass(frozen=True)
 class FourierCommand:
@@ -69,6 +83,11 @@ class FourierCommand:
     cycles: float
     ramp_cycles: float
 
+    @property
+    def duration(self) -> float:
+        """With both fades [s]."""
+        return (self.cycles + 2 * self.ramp_cycles) / self.frequency
+
 
 @dataclass(frozen=True)
 class TrapezoidCommand:
@@ -87,6 +106,12 @@ class TrapezoidCommand:
     rate: float
     cycles: int
     hold: float
+
+    @property
+    def duration(self) -> float:
+        """Of all cycles; infinite for a rate that vanishes in radians [s]."""
+        rise = abs(self.amplitude) / self.rate if self.rate else math.inf
+        return 2 * self.cycles * (rise + self.hold)
 
 
 @dataclass(frozen=True)
@@ -283,95 +308,36 @@ class _Expander:
     def _sweep(
         self, joint: str, sweep: Sweep, number: Callable[..., float], path: tuple[Any, ...]
     ) -> SineCommand | FourierCommand | TrapezoidCommand:
-        where: tuple[Any, ...] = (
-            "sweep",
-            joint,
-            "sine" if sweep.sine else "fourier" if sweep.fourier else "trapezoid",
-        )
+        """The one of three motions that a sweep is."""
+        kind = "sine" if sweep.sine else "fourier" if sweep.fourier else "trapezoid"
+        where = ("sweep", joint, kind)
         column = self._joint(joint, *path, *where[:2])
 
-        def whole(expression: float | str, key: str) -> int:
-            value = number(expression, *where, key, lowest=1.0, highest=MOST_CYCLES)
-            if value != round(value):
-                raise self._error(f"{value:g} must be a whole number", *path, *where, key)
-            return int(value)
+        def value(expression: float | str | None, *key: Any, **limits: float) -> float:
+            return number(expression, *where, *key, **limits)
 
-        def last(seconds: float) -> None:
-            if seconds > LONGEST_SWEEP_S:
-                raise self._error(
-                    f"the sweep would last {seconds:.6g} s, more than the {LONGEST_SWEEP_S:g} s "
-                    "allowed",
-                    *path,
-                    *where,
-                )
+        def cycles(expression: float | str) -> int:
+            count = value(expression, "cycles", lowest=1.0, highest=MOST_CYCLES)
+            if count != round(count):
+                raise self._error(f"{count:g} must be a whole number", *path, *where, "cycles")
+            return int(count)
 
+        command: SineCommand | FourierCommand | TrapezoidCommand
         if sweep.sine is not None:
-            sine = sweep.sine
-            command = SineCommand(
-                joint=column,
-                amplitude=np.radians(number(sine.amplitude_deg, *where, "amplitude_deg", **_ANGLE)),
-                frequency=number(
-                    sine.frequency_hz,
-                    *where,
-                    "frequency_hz",
-                    above=0.0,
-                    highest=HIGHEST_FREQUENCY_HZ,
-                ),
-                cycles=whole(sine.cycles, "cycles"),
-                ramp_cycles=number(
-                    sine.ramp_cycles, *where, "ramp_cycles", lowest=0.5, highest=MOST_CYCLES
-                ),
-                phase=np.radians(number(sine.phase_deg, *where, "phase_deg", **_ANGLE)),
+            command = _sine(column, sweep.sine, value, cycles)
+        elif sweep.fourier is not None:
+            command = _fourier(column, sweep.fourier, value, cycles)
+        else:
+            assert sweep.trapezoid is not None  # Sweep holds one of the three
+            command = _trapezoid(column, sweep.trapezoid, value, cycles)
+        if command.duration > LONGEST_SWEEP_S:
+            raise self._error(
+                f"the sweep would last {command.duration:.6g} s, more than the "
+                f"{LONGEST_SWEEP_S:g} s allowed",
+                *path,
+                *where,
             )
-            last((command.cycles + 2 * command.ramp_cycles) / command.frequency)
-            return command
-        if sweep.fourier is not None:
-            series = sweep.fourier
-            angles = [
-                [
-                    np.radians(number(value, *where, key, k, **_ANGLE))
-                    for k, value in enumerate(getattr(series, key))
-                ]
-                for key in ("amplitudes_deg", "phases_deg")
-            ]
-            highest = HIGHEST_FREQUENCY_HZ / len(angles[0])
-            sum_of_harmonics = FourierCommand(
-                joint=column,
-                amplitudes=tuple(angles[0]),
-                phases=tuple(angles[1]),
-                frequency=number(
-                    series.frequency_hz, *where, "frequency_hz", above=0.0, highest=highest
-                ),
-                cycles=whole(series.cycles, "cycles"),
-                ramp_cycles=number(
-                    series.ramp_cycles, *where, "ramp_cycles", lowest=0.5, highest=MOST_CYCLES
-                ),
-            )
-            last(
-                (sum_of_harmonics.cycles + 2 * sum_of_harmonics.ramp_cycles)
-                / sum_of_harmonics.frequency
-            )
-            return sum_of_harmonics
-        assert sweep.trapezoid is not None  # Sweep holds one of the three
-        trapezoid = sweep.trapezoid
-        there_and_back = TrapezoidCommand(
-            joint=column,
-            amplitude=np.radians(
-                number(trapezoid.amplitude_deg, *where, "amplitude_deg", **_ANGLE)
-            ),
-            rate=np.radians(
-                number(
-                    trapezoid.rate_deg_s, *where, "rate_deg_s", above=0.0, highest=LARGEST_ANGLE_DEG
-                )
-            ),
-            cycles=whole(trapezoid.cycles, "cycles"),
-            hold=number(trapezoid.hold_s, *where, "hold_s", lowest=0.0),
-        )
-        rise = (
-            abs(there_and_back.amplitude) / there_and_back.rate if there_and_back.rate else math.inf
-        )
-        last(2 * there_and_back.cycles * (rise + there_and_back.hold))
-        return there_and_back
+        return command
 
     def _evaluate(self, expression: float | str, variables: dict[str, float], *where: Any) -> float:
         try:
@@ -396,3 +362,52 @@ class _Expander:
 
     def _error(self, message: str, *where: Any) -> FileProblems:
         return self.protocol.document.problem(message, *where)
+
+
+def _sine(
+    joint: int, sine: Sine, value: Callable[..., float], cycles: Callable[[float | str], int]
+) -> SineCommand:
+    return SineCommand(
+        joint,
+        np.radians(value(sine.amplitude_deg, "amplitude_deg", **_ANGLE)),
+        value(sine.frequency_hz, "frequency_hz", above=0.0, highest=HIGHEST_FREQUENCY_HZ),
+        cycles(sine.cycles),
+        value(sine.ramp_cycles, "ramp_cycles", lowest=0.5, highest=MOST_CYCLES),
+        np.radians(value(sine.phase_deg, "phase_deg", **_ANGLE)),
+    )
+
+
+def _fourier(
+    joint: int, series: Fourier, value: Callable[..., float], cycles: Callable[[float | str], int]
+) -> FourierCommand:
+    amplitudes, phases = (
+        tuple(
+            np.radians(value(angle, key, k, **_ANGLE))
+            for k, angle in enumerate(getattr(series, key))
+        )
+        for key in ("amplitudes_deg", "phases_deg")
+    )
+    highest = HIGHEST_FREQUENCY_HZ / len(amplitudes)
+    return FourierCommand(
+        joint,
+        amplitudes,
+        phases,
+        value(series.frequency_hz, "frequency_hz", above=0.0, highest=highest),
+        cycles(series.cycles),
+        value(series.ramp_cycles, "ramp_cycles", lowest=0.5, highest=MOST_CYCLES),
+    )
+
+
+def _trapezoid(
+    joint: int,
+    trapezoid: Trapezoid,
+    value: Callable[..., float],
+    cycles: Callable[[float | str], int],
+) -> TrapezoidCommand:
+    return TrapezoidCommand(
+        joint,
+        np.radians(value(trapezoid.amplitude_deg, "amplitude_deg", **_ANGLE)),
+        np.radians(value(trapezoid.rate_deg_s, "rate_deg_s", above=0.0, highest=LARGEST_ANGLE_DEG)),
+        cycles(trapezoid.cycles),
+        value(trapezoid.hold_s, "hold_s", lowest=0.0),
+    )

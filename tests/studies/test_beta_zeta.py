@@ -29,6 +29,8 @@ from testbench.studies.beta_zeta.study import (
     step_difference,
 )
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory) -> StudyRecord:

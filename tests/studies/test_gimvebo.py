@@ -34,6 +34,8 @@ from testbench.studies.gimvebo.study import true_parameters
 from testbench.studies.gimvebo.words import agreement, tustin_angle
 from tests.asking import run_of
 
+pytestmark = pytest.mark.slow
+
 # Sums of each published table as printed: a digit that was copied wrongly changes one.
 SUMS = {
     "4.1": 98.62170089378,

@@ -17,6 +17,8 @@ from testbench.studies import get_study
 from testbench.studies.bench import StudyBench
 from testbench.studies.elbow.flexion import heading_fit, heading_model
 
+pytestmark = pytest.mark.slow
+
 # Sums of each published table as printed: a digit that was copied wrongly changes one.
 SUMS = {
     "5.1": 12.58,

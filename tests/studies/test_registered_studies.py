@@ -22,6 +22,8 @@ from testbench.studies.bench import StudyBench
 from testbench.studies.elbow.misalignment_session import session_curves
 from testbench.studies.folder import new_folder
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory) -> StudyBench:

@@ -14,6 +14,7 @@ from testbench.evaluation import evaluate
 from testbench.exceptions import CollisionError, LimitError, SensorRangeError
 from testbench.execution import RunOptions
 from testbench.model import rotation
+from testbench.model.imu import TriadModel
 from testbench.model.joint_angle import joint_angles, segment_orientation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.planning.expansion import expand
@@ -38,6 +39,12 @@ PUBLISHED_DEVICE_DEG = [
     0.41,
     0.46,
 ]
+
+
+@pytest.fixture(scope="module")
+def elbow_flexion(run_protocol):
+    """The protocol, run once; its files must not be changed."""
+    return run_protocol("elbow_flexion")
 
 
 @pytest.fixture(scope="module")
@@ -191,6 +198,21 @@ def test_the_presets_stay_at_or_below_the_published_error_with_other_seeds_too(
         evaluation = evaluate(session, estimate(session, names))
         errors.append([mean_abs_error_deg(evaluation, name) for name in names])
     assert np.max(errors) <= np.mean(PUBLISHED_DEVICE_DEG)
+
+
+def test_a_protocol_with_the_calibration_poses_finds_the_errors_its_simulated_sensor_has(
+    elbow_flexion,
+):
+    sensor = elbow_flexion.session.analysis.sensors["forearm"]
+    parameters = sensor.imu()
+    real = TriadModel(
+        parameters.accelerometer.triad(), parameters.rate_hz, 1, "forearm", "accelerometer"
+    ).errors
+    fit = elbow_flexion.estimate.sensors["forearm"].calibration
+    assert fit.poses >= 6
+    assert np.abs(real.bias).max() > 0.03
+    np.testing.assert_allclose(fit.acc_bias, real.bias, atol=0.02)
+    np.testing.assert_allclose(fit.acc_matrix @ real.matrix, np.eye(3), atol=3e-3)
 
 
 def test_every_pose_of_the_protocol_is_judged_on_most_of_its_dwell(elbow_flexion):

@@ -34,6 +34,8 @@ from testbench.records.specs.protocol import Environment
 from tests.asking import analysis, run_of
 from tests.command_line import command
 
+pytestmark = pytest.mark.slow
+
 SEEDS = (3, 4)
 
 

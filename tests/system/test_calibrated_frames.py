@@ -18,6 +18,8 @@ from testbench.pipeline.run import run
 from testbench.records.specs.protocol import Environment
 from tests.asking import run_of
 
+pytestmark = pytest.mark.slow
+
 CROOKED_DEG = [6.0, -5.0, 8.0]
 JUDGED = [
     [0, -90, -90, -60, 120, 150],

@@ -30,6 +30,8 @@ from tests.asking import analysis, going_on
 from tests.processes import NO_DISK, bench, small_disk, virtual_time
 from tests.system.crashes import comparable, crash, moments, undisturbed
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def whole(tiny, tmp_path_factory):

@@ -18,6 +18,8 @@ from testbench.evaluation import evaluate
 from testbench.records.session.session import RunStatus, Session
 from tests.processes import bench, virtual_time
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def run(tiny, tmp_path_factory):

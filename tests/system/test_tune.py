@@ -21,6 +21,8 @@ from testbench.records.session.session import Session
 from tests.command_line import command
 from tests.studies.known_recordings import FixedClock, write_known
 
+pytestmark = pytest.mark.slow
+
 NOW = "2026-01-02T03:04:05+00:00"
 PLUG_IN = """
 from testbench.estimation.filters.base import Parameter

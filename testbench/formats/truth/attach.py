@@ -100,6 +100,7 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
     )
 
 
+# One piece: most lines check the answers against what the robot's log holds.
 def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -> None:
     assert options.robot is not None
     kinematics = Kinematics(load_robot(options.robot))

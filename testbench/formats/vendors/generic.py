@@ -24,7 +24,7 @@ from testbench.formats.mapping import (
 )
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
-from testbench.formats.plausibility import decide_unit, gather
+from testbench.formats.plausibility import Evidence, decide_unit, gather
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.tables.parquet_table import ParquetTable
@@ -218,6 +218,26 @@ def _timeline(
     return lambda: RegularTime(rate, counter)
 
 
+def _decided_units(
+    place: Place, quantities: list[str], evidence: Evidence, name: str, notes: list[str]
+) -> dict[str, float]:
+    """Factors to SI of quantities whose unit nobody stated, by what their values tell."""
+    factors = {}
+    for quantity in quantities:
+        answer = (
+            f"the key {'.'.join(map(str, place.path))}.{quantity}.unit of the mapping, or --unit "
+            f"{quantity}=UNIT"
+        )
+        unit = decide_unit(quantity, evidence, name, answer)
+        factors[quantity] = unit.factor
+        notes.append(
+            f"{name}: {quantity} is taken for {unit.name}, by "
+            f"{'gravity at rest' if quantity == 'acc' else 'its turns'}"
+        )
+    return factors
+
+
+# One piece: columns, units, axes and times of a sensor meet in the function that converts a chunk.
 def _sensor(
     place: Place, spec: SensorColumns, table: Table, name: str, options: Options, notes: list[str]
 ) -> ImportedSensor:
@@ -289,19 +309,8 @@ def _sensor(
     if rate is None:
         raise table.problem(f"the times of sensor '{name}' tell no rate; state it with --rate HZ")
     open_units = [quantity for quantity, unit in units.items() if unit is None]
-    evidence = gather(stream, rate) if open_units else None
-    for quantity in open_units:
-        assert evidence is not None
-        answer = (
-            f"the key {'.'.join(map(str, place.path))}.{quantity}.unit of the mapping, or --unit "
-            f"{quantity}=UNIT"
-        )
-        unit = decide_unit(quantity, evidence, name, answer)
-        factors[quantity] = unit.factor
-        notes.append(
-            f"{name}: {quantity} is taken for {unit.name}, by "
-            f"{'gravity at rest' if quantity == 'acc' else 'its turns'}"
-        )
+    if open_units:
+        factors |= _decided_units(place, open_units, gather(stream, rate), name, notes)
     truth = (
         _truth(place.inside("truth"), spec.truth, table, timeline, stream, axes, notes)
         if spec.truth

@@ -98,6 +98,7 @@ class PairedTable:
         return self.acc.problem(message, row)
 
 
+# One piece: raw counts and units are two answers to one question, and differ in what they note.
 def read(files: list[Path], options: Options) -> Recording:
     """Read a pair of files.
 

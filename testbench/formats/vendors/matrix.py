@@ -57,6 +57,7 @@ def read(files: list[Path], options: Options) -> Recording:
     )
 
 
+# One piece: the titles that are found decide what is checked, converted and noted.
 def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], str]:
     """The sensor, notes, and its first stamp as it is written."""
     header = re.compile(r"(?=.*\bdateTime\b)(?=.*\bacc_x\b)", re.IGNORECASE)

@@ -135,6 +135,7 @@ def _by_kind(content: Mapping[str, Any]) -> dict[str, np.ndarray]:
     return result
 
 
+# One piece: the arrays that are found decide what is checked, renamed and noted.
 def _sensor(
     file: Path, name: str, content: Mapping[str, Any], options: Options, notes: list[str]
 ) -> ImportedSensor:

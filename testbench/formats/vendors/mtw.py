@@ -113,6 +113,7 @@ def _name(table: TextTable, header: dict[str, str]) -> str:
     return header.get("DeviceId") or (found.group(1) if found else table.file.stem)
 
 
+# One piece: each quantity has several spellings in the file, and the first that is there is read.
 def _sensor(
     name: str, table: TextTable, header: dict[str, str], options: Options, notes: list[str]
 ) -> ImportedSensor:

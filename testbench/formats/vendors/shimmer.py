@@ -63,6 +63,7 @@ def read(files: list[Path], options: Options) -> Recording:
     )
 
 
+# One piece: titles and units of one header are sorted by device.
 def _devices(file: Path, notes: list[str]) -> list[tuple[str, TextTable, Found, Layout]]:
     lines = head_of(file)
     at = next((i for i, line in enumerate(lines) if _HEADER.search(line)), None)

@@ -246,6 +246,28 @@ def _jumps(head: Columns) -> bool:
     return False
 
 
+def _note_sources(dot: DotFile, has: dict[str, bool], options: Options) -> None:
+    """Of what the quantities are made that the file does not hold as such."""
+    if not has["acc"] and has["dv"]:
+        dot.notes.append("specific force is the velocity increment over the output interval")
+    elif not has["acc"] and has["free"] and (has["quat"] or has["euler"]):
+        dot.notes.append(
+            "specific force is conj(q) (free acceleration + g), g = 9.80665 m/s^2 upwards: exact, "
+            "given the device's q"
+        )
+    if not has["gyr"]:
+        dot.notes.append(
+            "angular rate is the orientation increment over the output interval"
+            if has["dq"]
+            else "no angular rate: NaN"
+        )
+    if has["mag"] and not options.answered("mag"):
+        dot.notes.append(
+            "magnetic field: 1 a.u. of the file is taken for 40 uT; only its direction is exact"
+        )
+
+
+# One piece: each quantity has several sources in the file, and the first that is there is read.
 def _sensor(dot: DotFile, origin_ns: int, options: Options) -> ImportedSensor:
     kinds = _kinds(dot.table)
     has = {key: set(columns) <= set(kinds) for key, columns in SETS.items()}
@@ -273,23 +295,7 @@ def _sensor(dot: DotFile, origin_ns: int, options: Options) -> ImportedSensor:
             mag = stack(columns, SETS["mag"], factors["mag"])
         return Quantities(gyr, acc, mag, q, _saturated(columns))
 
-    if not has["acc"] and has["dv"]:
-        dot.notes.append("specific force is the velocity increment over the output interval")
-    elif not has["acc"] and has["free"] and (has["quat"] or has["euler"]):
-        dot.notes.append(
-            "specific force is conj(q) (free acceleration + g), g = 9.80665 m/s^2 upwards: exact, "
-            "given the device's q"
-        )
-    if not has["gyr"]:
-        dot.notes.append(
-            "angular rate is the orientation increment over the output interval"
-            if has["dq"]
-            else "no angular rate: NaN"
-        )
-    if has["mag"] and not options.answered("mag"):
-        dot.notes.append(
-            "magnetic field: 1 a.u. of the file is taken for 40 uT; only its direction is exact"
-        )
+    _note_sources(dot, has, options)
     counter = COUNTER if COUNTER in dot.table.names else None
     stream = SampleStream(
         dot.table,

@@ -66,10 +66,10 @@ def solve(
     """Fit parameters to residuals.
 
     Args:
-        residuals: From the parameters (p,) to residuals (m,), each divided by its standard
-            deviation, or all by the same number.
+        residuals: Gives residuals, shape (m,), of parameters, shape (p,), each divided by its
+            standard deviation, or all by the same number.
         parameters: The unknowns.
-        jacobian: Shape (m, p); by differences if None.
+        jacobian: Gives the derivatives, shape (m, p); by differences if None.
         known_scatter: The residuals' standard deviation is 1 by knowledge; else it is estimated
             from what the fit leaves.
         residual_unit: Unit that the fit states its residuals in.

@@ -66,6 +66,7 @@ class Curve:
     symbol: str = ""
 
 
+# One piece: a figure as plotly.js takes it, most lines are its keys.
 def error_curves(
     curves: Iterable[Curve],
     x_title: str,

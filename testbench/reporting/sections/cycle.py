@@ -237,6 +237,7 @@ def _line(x: np.ndarray, y: np.ndarray, name: str, colour: str, panel: str) -> F
     }
 
 
+# One piece: the cells of a row stand beside the titles that they fall under.
 def _table(caption: str, rows: list[CycleRow], folded: bool = False) -> Table:
     variables = list(dict.fromkeys(name for row in rows for name in row.variables))
     stated = any(

@@ -174,6 +174,7 @@ def _frames(estimate: Estimate) -> Table:
     )
 
 
+# One piece: the cells of a row stand beside the titles that they fall under.
 def _calibration(estimate: Estimate) -> Table:
     rows = []
     for name, sensor in estimate.sensors.items():

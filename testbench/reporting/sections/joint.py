@@ -103,6 +103,7 @@ def joint_section(
     return section
 
 
+# One piece: the cells of a row stand beside the titles that they fall under.
 def _summaries(joint: str, rows: list[JointRow], evaluation: Evaluation) -> list[Block]:
     """One row per section, motion, sequence and filter: the errors, then their spread, delay and
     settling.
@@ -249,6 +250,7 @@ def _diamonds(published: PublishedResults | None) -> str:
     )
 
 
+# One piece: published rows are placed among ours, each under the filter that it belongs to.
 def _flexion_table(where: str, errors: PoseErrors, published: PublishedResults | None) -> Table:
     beside = published_beside(published, errors.flexions)
     body: list[Row] = []

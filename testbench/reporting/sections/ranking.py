@@ -64,6 +64,7 @@ def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = Non
     return [*blocks, *([fitted_here(fitted)] if fitted else [])]
 
 
+# One piece: the cells of a row stand beside the titles that they fall under.
 def _ranking(
     where: str, rows: list[RankRow], compared: list[Comparison], far: dict[str, list[OutlierRow]]
 ) -> Table:

@@ -95,6 +95,7 @@ def _overview(budgets: list[UncertaintyBudget]) -> Table:
     )
 
 
+# One piece: the cells of a row stand beside the titles that they fall under.
 def _budget(b: UncertaintyBudget) -> Table:
     rows = [
         Row(

@@ -168,6 +168,7 @@ def column_width(rows: int, columns: int) -> float:
     return float(np.clip(WIDE * ROW * rows / max(columns, 1), COLUMN, 3 * COLUMN))
 
 
+# One piece: the place of each cell decides where its axes and its name are drawn.
 def log_side_by_side(
     recording: rr.RecordingStream,
     truths: dict[str, Truth | None],

@@ -443,6 +443,7 @@ def _errors(part: Part, kind: OrientationFilter, steps: list[PlannedStep]) -> Bo
     return BoxNumbers.of(np.degrees(found.errors[kind.name].total[found.judged][::20]))
 
 
+# One piece: the numbers of the sentences, which stand in `words`.
 def _findings(tables: dict[str, StudyTable], tunings: dict[str, Tuning]) -> tuple[str, ...]:
     def errors(label: str) -> list[float]:
         found = tunings[label].sessions

@@ -91,6 +91,7 @@ def compare(rest: Result, tables: Result, check: Result, elbow: Result) -> Study
     )
 
 
+# One piece: five sentences and the numbers in them.
 def _findings(
     calibration: StudyTable, flexion: StudyTable, growth: StudyTable, theory: StudyResult
 ) -> tuple[str, ...]:

@@ -101,6 +101,7 @@ def run(bench: StudyBench) -> StudyRecord:
     )
 
 
+# One piece: two faults for two integrators, and the rows that they make.
 def fault_table(part: Part, published: PublishedTables, bias: TriadCalibration) -> StudyTable:
     """Correct integrators fed with the two suspected faults."""
     turned, fitted = (

@@ -8,6 +8,8 @@ import pytest
 
 from tests.estimation.calibration.covering import TRIALS, as_often_as_stated, chance, held
 
+pytestmark = pytest.mark.slow
+
 COUNT = 1000
 FEWER = {"gyroscope": 250, "norm_only": 500, "ellipsoid": 500, "ellipsoid_dip": 500}
 """Of what takes milliseconds, by a word of the name."""

@@ -15,6 +15,8 @@ from testbench.estimation.chain.settings import FilterSettings
 from testbench.estimation.chain.smoother import run_smoother
 from testbench.estimation.chain.state import joint_motion, motion_size, state_indices, transition
 
+pytestmark = pytest.mark.slow
+
 DENSITY = np.radians(300.0)
 RUNS, FEWER, N = 60, 15, 300
 

@@ -20,6 +20,8 @@ from testbench.model import rotation
 from testbench.model.earths import to_earth_frame
 from tests.estimation.filters.motions import degrees_between, wander
 
+pytestmark = pytest.mark.slow
+
 SAME = 1e-5
 """Degrees that two implementations in double precision may differ by after 2000 samples."""
 SAMPLES, _ = wander()

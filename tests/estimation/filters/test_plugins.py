@@ -27,6 +27,8 @@ from testbench.pipeline.request import ExportRequest
 from testbench.records.session.session import Session
 from tests.asking import analysis
 
+pytestmark = pytest.mark.slow
+
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "03_a_filter_of_your_own.py"
 HEAD = (
     "from testbench.estimation.filters import OrientationFilter, get_filter\nfrom "

@@ -17,6 +17,8 @@ from testbench.estimation.filters.self_test import self_test
 from testbench.model import rotation
 from testbench.model.earths import to_ned
 
+pytestmark = pytest.mark.slow
+
 SOUND = [name for name, kind in FILTERS.items() if name != "device" and not kind.known_faults]
 AS_PRINTED = [name for name, kind in FILTERS.items() if kind.known_faults]
 
