@@ -38,7 +38,6 @@ def complementary(
         use_mag: Whether to use the magnetometer.
     """
     gyr, acc, mag, dt = readings
-    # Longer than a screen: one sample's update, prediction and two corrections in order.
     n = gyr.shape[0]
     out = np.empty((n, 4))
     for i in range(n):

@@ -135,8 +135,8 @@ def ekf(
             direction of the field in the earth frame (north, up), field of reference.
         use_mag: Whether to use the magnetometer.
     """
-    gyr, acc, mag, dt = readings
     # Longer than a screen and of many branches: one sample's prediction and two gated corrections.
+    gyr, acc, mag, dt = readings
     n = gyr.shape[0]
     out = np.empty((n, 4))
     cov = state[5:21].reshape(4, 4)
