@@ -286,6 +286,7 @@ def step_quaternion(scheme: int, w: np.ndarray, h: float, work: np.ndarray, s: n
         work: Shape (5, 4), overwritten.
         s: Result, shape (4,).
     """
+    # Of many branches: one for each scheme, which share the arrays they work in.
     s[0], s[1], s[2], s[3] = 1.0, 0.0, 0.0, 0.0
     if scheme == EULER:
         _derivative(s, w[0], work[0])

@@ -20,10 +20,7 @@ from testbench.estimation.filters.maths import (
 
 @njit(cache=True)
 def complementary(
-    readings: Readings,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
+    readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool
 ) -> np.ndarray:
     """Integrate, then correct by part of the angle to the measured vertical and to north.
 
@@ -38,7 +35,6 @@ def complementary(
         use_mag: Whether to use the magnetometer.
     """
     gyr, acc, mag, dt = readings
-    # Longer than a screen: one sample's update, prediction and two corrections in order.
     n = gyr.shape[0]
     out = np.empty((n, 4))
     for i in range(n):

@@ -118,12 +118,7 @@ def predict(
 
 
 @njit(cache=True)
-def ekf(
-    readings: Readings,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
-) -> np.ndarray:
+def ekf(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
     """Quaternion EKF: rates as input, directions of gravity and field as measurements.
 
     Args:
@@ -135,8 +130,8 @@ def ekf(
             direction of the field in the earth frame (north, up), field of reference.
         use_mag: Whether to use the magnetometer.
     """
-    gyr, acc, mag, dt = readings
     # Longer than a screen and of many branches: one sample's prediction and two gated corrections.
+    gyr, acc, mag, dt = readings
     n = gyr.shape[0]
     out = np.empty((n, 4))
     cov = state[5:21].reshape(4, 4)

@@ -195,12 +195,7 @@ def first_variances(state: np.ndarray, mag: np.ndarray, p: np.ndarray, use_mag: 
 
 
 @njit(cache=True)
-def error_state(
-    readings: Readings,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
-) -> np.ndarray:
+def error_state(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
     """Error-state filter: orientation, gyroscope offset, linear acceleration, disturbance.
 
     The error is folded into the estimate after each sample, so that its prediction is zero and P- =

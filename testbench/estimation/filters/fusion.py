@@ -80,12 +80,7 @@ def _accepted(
 
 
 @njit(cache=True)
-def fusion(
-    readings: Readings,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
-) -> np.ndarray:
+def fusion(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
     """Rate plus gain times the sum of measured x expected vertical and west.
 
     One explicit Euler step a sample.
@@ -100,8 +95,8 @@ def fusion(
         use_mag: Whether to use the magnetometer; without one the heading is held at zero while
             starting up.
     """
-    gyr, acc, mag, dt = readings
     # Longer than a screen: one sample's update, whose parts share the state of the start-up.
+    gyr, acc, mag, dt = readings
     near_vertical, timeout, fastest = np.radians(p[1]), p[2], RANGE_SHARE * np.radians(p[3])
     near_heading = np.radians(p[4]) if use_mag else 0.0
     n = gyr.shape[0]

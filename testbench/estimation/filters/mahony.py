@@ -22,12 +22,7 @@ PAPER = "Mahony, Hamel & Pflimlin, IEEE Trans. Automatic Control 53(5), 2008"
 
 
 @njit(cache=True)
-def mahony(
-    readings: Readings,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
-) -> np.ndarray:
+def mahony(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
     """Mahony's explicit complementary filter, eqs 48a to 48c, with unit weights.
 
     The expected field has the measured one's dip. One explicit Euler step a sample.

@@ -114,12 +114,7 @@ def first_covariance(state: np.ndarray, cov: np.ndarray, p: np.ndarray, use_mag:
 
 
 @njit(cache=True)
-def mekf(
-    readings: Readings,
-    p: np.ndarray,
-    state: np.ndarray,
-    use_mag: bool,
-) -> np.ndarray:
+def mekf(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) -> np.ndarray:
     """MEKF: integrate the quaternion; the Kalman filter estimates its error and the bias.
 
     Args:

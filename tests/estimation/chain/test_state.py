@@ -7,6 +7,7 @@ from scipy.stats import truncnorm
 
 from testbench.estimation.chain.kernel import hold, truncated
 from testbench.estimation.chain.state import (
+    Process,
     confinement,
     drive,
     joint_motion,
@@ -18,6 +19,13 @@ from testbench.estimation.chain.state import (
 
 FREE = np.zeros((3, 2))
 CONFINED = np.array([[0.4, 6.0], [0.0, 0.0], [-1.0, 1.5]])
+
+
+def held_by(limits: np.ndarray) -> Process:
+    """A kinematic process of joints with limits, shape (m, 2) [rad], and without noise."""
+    m = len(limits)
+    none = np.zeros(3 * m)
+    return Process(0, state_indices(m, 0), limits, np.zeros((m, 2)), np.zeros(m), none, none)
 
 
 @pytest.mark.parametrize(
@@ -153,15 +161,15 @@ def test_far_beyond_a_limit_what_is_left_lies_at_the_limit(mean):
 
 
 def test_a_joint_beyond_its_limit_is_brought_back_and_takes_along_what_goes_with_it():
-    m, indices = 1, state_indices(1, 0)
+    m = 1
     P = np.array([[0.04, 0.03, 0.0], [0.03, 0.09, 0.0], [0.0, 0.0, 1.0]])
     motion, slopes, h, Ph = np.empty((3, m)), np.empty((3, m, 3)), np.empty(3), np.empty(3)
     limits = np.array([[-1.0, 1.0]])
     x, inside = np.array([1.2, 0.5, 0.3]), np.array([0.9, 0.5, 0.3])
     before = P.copy()
-    hold(inside, P, 0, indices, limits, motion, slopes, h, Ph)
+    hold(inside, P, held_by(limits), motion, slopes, h, Ph)
     np.testing.assert_array_equal(P, before)  # within its limits nothing is done
-    hold(x, P, 0, indices, limits, motion, slopes, h, Ph)
+    hold(x, P, held_by(limits), motion, slopes, h, Ph)
     expected = truncnorm.mean(-11, -1, 1.2, 0.2)
     assert x[0] == pytest.approx(expected, abs=1e-6) and x[0] < 1.0
     assert x[1] == pytest.approx(0.5 + 0.03 / 0.04 * (expected - 1.2), abs=1e-6)
@@ -172,11 +180,11 @@ def test_a_joint_beyond_its_limit_is_brought_back_and_takes_along_what_goes_with
 
 
 def test_a_joint_that_nothing_is_known_of_is_known_by_its_limits():
-    m, indices = 1, state_indices(1, 0)
+    m = 1
     x, P = np.array([0.4, 0.0, 0.0]), np.diag([9.0, 1.0, 1.0])
     P[0, 1] = P[1, 0] = 1.5
     motion, slopes, h, Ph = np.empty((3, m)), np.empty((3, m, 3)), np.empty(3), np.empty(3)
-    hold(x, P, 0, indices, np.array([[-1.0, 1.0]]), motion, slopes, h, Ph)
+    hold(x, P, held_by(np.array([[-1.0, 1.0]])), motion, slopes, h, Ph)
     assert x[0] == pytest.approx(truncnorm.mean(-1.4 / 3, 0.2, 0.4, 3.0), abs=1e-6)
     assert P[0, 0] == pytest.approx(truncnorm.var(-1.4 / 3, 0.2, 0.4, 3.0), abs=1e-6)
     assert (np.linalg.eigvalsh(P) > 0).all()
