@@ -57,9 +57,7 @@ def judge_chain(session: Session, estimate: Estimate) -> tuple[ResultTables, lis
                 "steps last, or none was finished"
             )
         for row in rows:
-            true = ChainTruth(
-                series[f"{row.joint}_rad"] - series[f"{row.joint}_error_rad"], series["judged"]
-            )
+            true = ChainTruth(_true_angle(recorded, row.joint, one), series["judged"])
             budget = chain_budget(session, estimate, one, row.joint, true, arm)
             place = (budget.owner, budget.section)
             if place not in stated:  # the states share their truth, but for the last digits
@@ -71,6 +69,16 @@ def judge_chain(session: Session, estimate: Estimate) -> tuple[ResultTables, lis
             )
         result.notes.extend(_coverage_notes(where, rows))
     return result, found
+
+
+def _true_angle(arm: ArmSamples, joint: str, estimate: ChainEstimate) -> np.ndarray:
+    """The measured angle of a joint at a chain's instants, shape (n,) [rad]; NaN where there is
+    none. Of two states it is the same to the last bit, which estimate less error is not.
+    """
+    angle = arm.q_measured[:, arm.joint_names.index(joint)]
+    return np.asarray(
+        np.interp(estimate.host_time_ns, arm.host_time_ns, angle, left=np.nan, right=np.nan)
+    )
 
 
 def _coverage_notes(where: str, rows: list[ChainRow]) -> list[str]:

@@ -315,7 +315,11 @@ def _others(
             count = np.add.reduceat(defined[:, i], starts, dtype=np.int64)
             mean = np.degrees(np.add.reduceat(error, starts) / np.maximum(count, 1))
             columns.append(np.where(count > 0, mean, np.nan))
-    return [[_known(value) for value in row] for row in np.column_stack(columns).tolist()]
+    means = np.column_stack(columns)
+    rows: list[list[float | None]] = means.tolist()
+    for row in np.flatnonzero(np.isnan(means).any(axis=1)):
+        rows[row] = [_known(value) for value in rows[row] if value is not None]
+    return rows
 
 
 def _row(

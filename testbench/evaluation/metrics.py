@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -60,8 +61,7 @@ def _error_angles(q: np.ndarray, p: np.ndarray) -> np.ndarray:
     return angles
 
 
-@dataclass(frozen=True)
-class Summary:
+class Summary(NamedTuple):
     """Of n errors, in their own unit.
 
     Attributes:

@@ -2,6 +2,8 @@
 never looks at the arm.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,16 @@ def test_angles_are_found_to_a_tenth_of_a_degree_and_the_uncertainty_says_so(squ
         fourier, kinematic = rows["fourier", joint], rows["kinematic", joint]
         assert fourier.rate_rmse_deg_s < kinematic.rate_rmse_deg_s
         assert fourier.acceleration_rmse_deg_s2 < 0.5 * kinematic.acceleration_rmse_deg_s2
+
+
+def test_the_truth_that_two_states_share_has_one_budget_a_joint(squat):
+    session, estimated = squat
+    rng = np.random.default_rng(0)  # errors so large that estimate less error rounds
+    shaken = [
+        replace(one, mean=one.mean + rng.uniform(1, 9, one.mean.shape)) for one in estimated.chain
+    ]
+    budgets = evaluate(session, replace(estimated, chain=shaken)).uncertainty
+    assert sorted(b.owner for b in budgets if b.quantity == "angle") == ["ankle", "knee"]
 
 
 def test_the_base_frequency_is_found(squat):
