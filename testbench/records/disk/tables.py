@@ -36,7 +36,7 @@ def _encoding(schema: pa.Schema) -> dict[str, Any]:
 
 
 def to_arrow(values: np.ndarray, kind: pa.DataType | None = None) -> pa.Array:
-    """A column of numbers or truth values, shape (n,), as Arrow's; NaN stays NaN.
+    """A column, shape (n,), as Arrow's; NaN stays NaN.
 
     `pa.array` would first load pandas where it is installed, to see whether it is given something
     of it: a quarter of a second.
@@ -46,6 +46,8 @@ def to_arrow(values: np.ndarray, kind: pa.DataType | None = None) -> pa.Array:
         kind: As which; that of the values if None.
     """
     values = np.asarray(values)
+    if values.dtype.kind not in "biuf":  # text, as of the names of steps
+        return pa.array(values, type=kind)
     kind = pa.from_numpy_dtype(values.dtype) if kind is None else kind
     values = np.ascontiguousarray(values, dtype=kind.to_pandas_dtype())
     bits = np.packbits(values, bitorder="little") if pa.types.is_boolean(kind) else values
