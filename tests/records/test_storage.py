@@ -73,6 +73,13 @@ def test_a_part_of_a_column_in_several_pieces_is_that_part(kind):
         np.testing.assert_array_equal(part, values[begin : begin + length])
 
 
+def test_texts_go_to_arrow_and_back():
+    texts = np.array(["quick", "", "gait"], dtype=object)
+    column = pa.chunked_array([to_arrow(texts)])
+    assert column.type == pa.string()
+    assert from_arrow(column).tolist() == texts.tolist()
+
+
 def test_missing_values_of_a_foreign_table_are_nan():
     found = from_arrow(pa.chunked_array([pa.array([1.5, None, 3.0])]))
     np.testing.assert_array_equal(found, [1.5, np.nan, 3.0])

@@ -49,7 +49,7 @@ def to_arrow(values: np.ndarray, kind: pa.DataType | None = None) -> pa.Array:
     if values.dtype.kind not in "biuf":  # text, as of the names of steps
         return pa.array(values, type=kind)
     kind = pa.from_numpy_dtype(values.dtype) if kind is None else kind
-    values = np.ascontiguousarray(values, dtype=kind.to_pandas_dtype())
+    values = values.astype(kind.to_pandas_dtype(), order="C", casting="same_kind", copy=False)
     bits = np.packbits(values, bitorder="little") if pa.types.is_boolean(kind) else values
     return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(bits)])
 
@@ -63,7 +63,7 @@ def from_arrow(column: pa.ChunkedArray) -> np.ndarray:
     plain = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)
     if not plain or column.null_count or pa.types.is_float16(kind):
         return np.asarray(column.to_numpy())
-    pieces = [_values(piece) for piece in column.chunks]
+    pieces = [_values(piece) for piece in column.chunks if len(piece)]
     if not pieces:
         return np.zeros(0, dtype=kind.to_pandas_dtype())
     return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
