@@ -40,6 +40,7 @@ from testbench.records.results.estimate import (
     Estimate,
     FrameFit,
     SensorEstimate,
+    as_kept,
 )
 from testbench.records.results.tuning import Tuning
 from testbench.records.session.manifest import SensorRecord
@@ -200,7 +201,7 @@ class PreparedSensor:
         ):
             q = rotation.normalise(q_earth_from_sensor)
             frames[key], warning = _align(self, q)
-            orientation[key] = apply_frames(q, frames[key])
+            orientation[key] = as_kept(apply_frames(q, frames[key]))
             if warning is not None:
                 remarks.append(f"{key}: {warning}")
             drift = drift_remark(

@@ -92,10 +92,10 @@ class JointErrors:
             judged[rows] = True
         columns = {"host_time_ns": self.time_ns, "judged": judged, "reference_rad": self.reference}
         for (key, sequence), flexion in self.flexion.items():
-            columns[f"{key}_{sequence}_flexion_rad"] = flexion
-            columns[f"{key}_{sequence}_error_rad"] = self.error[key, sequence]
+            columns[f"{key}_{sequence}_flexion_rad"] = flexion.astype(np.float32)
+            columns[f"{key}_{sequence}_error_rad"] = self.error[key, sequence].astype(np.float32)
         for key, total in self.total.items():
-            columns[f"{key}_total_error_rad"] = total
+            columns[f"{key}_total_error_rad"] = total.astype(np.float32)
         return columns
 
 

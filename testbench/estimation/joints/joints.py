@@ -13,7 +13,7 @@ from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series, segment_orientation
 from testbench.model.reference_step import aligned_instant
 from testbench.model.statistics.least_squares import PoorExcitation
-from testbench.records.results.estimate import JointEstimate, SensorEstimate
+from testbench.records.results.estimate import JointEstimate, SensorEstimate, as_kept
 from testbench.records.specs.protocol import JointDefinition
 
 VAGUE_DEG = 10.0
@@ -52,7 +52,7 @@ def estimate_joint(
             )
         for definition in joint.definitions():
             angles = joint_angle_series(world_from_proximal, world_from_distal, definition)
-            found.angles[key, definition.label] = angles
+            found.angles[key, definition.label] = as_kept(angles)
     return found
 
 

@@ -68,6 +68,13 @@ class ClockFit:
         return np.asarray(np.round(host).astype(np.int64))
 
 
+def as_kept(values: np.ndarray) -> np.ndarray:
+    """Orientations or angles as an estimate keeps them, to 7 digits (float32), shape (...) to
+    (...): 1e-5 deg, which no sensor knows. Whoever makes an estimate judges what others will read.
+    """
+    return np.asarray(values, np.float32).astype(float)
+
+
 @dataclass(frozen=True)
 class FrameFit:
     """How a filter's earth frame and a sensor's mounting were brought to the world and the segment.
@@ -452,7 +459,7 @@ def _write_sensor(file: Path, sensor: SensorEstimate) -> None:
         "flagged": sensor.flagged,
     }
     for key, q in sensor.orientation.items():
-        columns |= split(_orientation_columns(key), q)
+        columns |= split(_orientation_columns(key), q.astype(np.float32))
     write_parquet(file, columns, {"content": "estimated orientation, w x y z"})
 
 
@@ -465,14 +472,14 @@ def _read_sensor(file: Path, summary: _SensorSummary) -> SensorEstimate:
         host_time_ns=table["host_time_ns"],
         static=table["static"],
         flagged=table["flagged"],
-        orientation={key: table[key] for key in summary.filters},
+        orientation={key: table[key].astype(float) for key in summary.filters},
     )
 
 
 def _write_joint(file: Path, joint: JointEstimate) -> None:
     columns = {"host_time_ns": joint.host_time_ns}
     for (key, sequence), angles in joint.angles.items():
-        columns |= split(_angle_columns(key, sequence), angles)
+        columns |= split(_angle_columns(key, sequence), angles.astype(np.float32))
     columns |= joint.heading_series()
     write_parquet(file, columns, {"content": "intrinsic Euler angles"})
 
@@ -480,7 +487,9 @@ def _write_joint(file: Path, joint: JointEstimate) -> None:
 def _read_joint(file: Path, summary: _JointSummary) -> JointEstimate:
     table = read_parquet(file)
     angles = {
-        (row.filter, row.sequence): join(table, _angle_columns(row.filter, row.sequence))
+        (row.filter, row.sequence): join(table, _angle_columns(row.filter, row.sequence)).astype(
+            float
+        )
         for row in summary.angles
     }
     headings = {
