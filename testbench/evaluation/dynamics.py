@@ -237,7 +237,7 @@ def convergence_times(
     (len(steps),).
 
     The settled value is the mean over the last quarter of the dwell; near is 0.1 deg, or three
-    standard deviations of the last half (about a straight line) where the error hisses more than
+    standard deviations of the last half (about a straight line) where the error is noisier than
     that.
 
     Args:

@@ -93,9 +93,9 @@ class SimulatedImu(Imu):
         )
         if self.parameters.sampling == "integrated":
             rate, force = self._integrated(motion.q_world_from_frame, rate, force)
-        warmth = self._warmth(times)
-        acc, acc_saturated = self._accelerometer.measure(force, temperature=warmth)
-        gyr, gyr_saturated = self._gyroscope.measure(rate, force, warmth)
+        temperature = self._temperature(times)
+        acc, acc_saturated = self._accelerometer.measure(force, temperature=temperature)
+        gyr, gyr_saturated = self._gyroscope.measure(rate, force, temperature)
         saturated = acc_saturated | gyr_saturated
         mag = None
         if self._magnetometer is not None:
@@ -120,7 +120,7 @@ class SimulatedImu(Imu):
             device_q,
             counter,
             saturated,
-            self._read_thermometer(warmth),
+            self._read_thermometer(temperature),
         )
         chosen = [None if array is None else array[kept] for array in samples]
         return ImuSamples(*chosen)  # type: ignore[arg-type]
@@ -143,7 +143,7 @@ class SimulatedImu(Imu):
             "rate_delay_s": self._rate_delay(),
         }
 
-    def _warmth(self, times_ns: np.ndarray) -> np.ndarray:
+    def _temperature(self, times_ns: np.ndarray) -> np.ndarray:
         """Temperature of the part, shape (n,) [deg C]: it warms up after it is switched on."""
         e = self.environment
         return np.asarray(
@@ -151,12 +151,12 @@ class SimulatedImu(Imu):
             + e.warm_up_deg_c * -np.expm1(-times_ns / NANOSECONDS / e.warm_up_time_s)
         )
 
-    def _read_thermometer(self, warmth: np.ndarray) -> np.ndarray | None:
+    def _read_thermometer(self, temperature: np.ndarray) -> np.ndarray | None:
         thermometer = self.parameters.thermometer
         if thermometer is None:
             return None
-        read = warmth + thermometer.noise_sd_deg_c * self._thermal_noise.standard_normal(
-            len(warmth)
+        read = temperature + thermometer.noise_sd_deg_c * self._thermal_noise.standard_normal(
+            len(temperature)
         )
         step = thermometer.resolution_deg_c
         return np.round(read / step) * step if step else read

@@ -1,9 +1,9 @@
-"""A sensor's samples, all at once or, where hours of them would not fit in memory, in pieces.
+"""A sensor's samples, all at once or, where hours of them would not fit in memory, in chunks.
 
-A long recording is gone through three times in pieces: once to learn what must be known of the
-whole, once for the quality gates and the timing, once for the filters, which go on from piece to
-piece. What is kept of it is every so-manieth sample, the last of as many, so that the memory of a
-session is bounded whatever its length; nothing that is computed is decimated before.
+A long recording is gone through three times in chunks: once to learn what must be known of the
+whole, once for the quality gates and the timing, once for the filters, which go on from chunk to
+chunk. Of n samples the last is kept, so that the memory of a session is bounded whatever its
+length; nothing that is computed is decimated before.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ from testbench.records.session.samples import ImuSamples
 from testbench.records.session.sensor_file import SensorFile
 
 MOST_KEPT = 1_000_000
-"""Estimates kept of a sensor; a recording with more samples is estimated in pieces, and every
-so-manieth one is kept.
+"""Estimates kept of a sensor; a recording with more samples is estimated in chunks, and one
+in every n is kept.
 """
 MOST_KEPT_IN_ALL = 4_000_000
 """Likewise of all sensors of a session together: about 0.5 GB with three filters."""

@@ -268,7 +268,7 @@ def _sensor(
         if spec.quaternion
         else []
     )
-    warmth = (
+    title = (
         _columns(place.inside("temperature"), table, [spec.temperature])[0]
         if spec.temperature is not None
         else None
@@ -276,7 +276,7 @@ def _sensor(
     read = (
         [c for columns, _, _ in vectors.values() for c in columns]
         + q_columns
-        + ([warmth] if warmth else [])
+        + ([title] if title else [])
     )
     kinds: dict[str, Kind] = dict.fromkeys(read, "float")
     units = {
@@ -301,7 +301,7 @@ def _sensor(
             values["acc"],
             values["mag"],
             q,
-            temperature=columns[warmth] if warmth else None,
+            temperature=columns[title] if title else None,
         )
 
     stream = SampleStream(table, kinds, convert, timeline, counter)

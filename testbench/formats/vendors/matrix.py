@@ -25,7 +25,7 @@ from testbench.formats.tables.timeline import SpreadTime, StampedTime, rate_of_s
 from testbench.frames import NANOSECONDS
 
 NOMINAL_RATE = 100.0
-WARMTH = "ambient_temp"
+TEMPERATURE = "ambient_temp"
 ACC, GYR = ["acc_x", "acc_y", "acc_z"], ["gyr_x", "gyr_y", "gyr_z"]
 
 
@@ -92,17 +92,19 @@ def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], st
             f"rate {rate:.6g} Hz ({how}); the samples are spread evenly over their seconds"
         )
     kinds: dict[str, Kind] = dict.fromkeys(
-        [titles[name] for name in [*ACC, *GYR, WARMTH] if name in titles], "float"
+        [titles[name] for name in [*ACC, *GYR, TEMPERATURE] if name in titles], "float"
     )
 
     def convert(columns: Columns) -> Quantities:
         gyr = stack(columns, [titles[name] for name in GYR], gyr_unit.factor)
-        warmth = columns[titles[WARMTH]] if WARMTH in titles else None
+        degrees = columns[titles[TEMPERATURE]] if TEMPERATURE in titles else None
         return Quantities(
-            gyr, stack(columns, [titles[name] for name in ACC], acc_unit.factor), temperature=warmth
+            gyr,
+            stack(columns, [titles[name] for name in ACC], acc_unit.factor),
+            temperature=degrees,
         )
 
-    left = [name for name in table.names if name and name.lower() not in {*wanted, WARMTH}]
+    left = [name for name in table.names if name and name.lower() not in {*wanted, TEMPERATURE}]
     if left:
         notes.append(f"columns that were not read: {', '.join(left)}")
     stream = SampleStream(table, kinds, convert, lambda: SpreadTime(stamp, rate))
