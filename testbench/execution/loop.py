@@ -66,9 +66,14 @@ class RunLoop:
         with operator_requests(self.options.keys, self.arm.takes_pauses) as operator:
             error = self._attempt(operator)
             interrupted = error is None and operator.stop_asked and self.arm.ends
-            self._come_to_rest(error, interrupted)
-            error = error or self.recorder.lacking()
-            session = self._close(error, interrupted)
+            error = self._come_to_rest(error, interrupted) or self.recorder.lacking()
+            try:
+                session = self._close(error, interrupted)
+            except BenchError as failure:
+                if error is None:
+                    raise
+                error.add_note(f"the session could not be closed either: {failure}")
+                raise error from None
         self._sum_up()
         if error is not None:
             self._advise(error, session)
@@ -152,9 +157,11 @@ class RunLoop:
         self.recorder.device_events(happened)
         return happened
 
-    def _come_to_rest(self, error: BaseException | None, interrupted: bool) -> None:
-        """Stop the arm and the sensors, and take what they recorded until then; a failure here must
-        not hide the first one.
+    def _come_to_rest(self, error: BaseException | None, interrupted: bool) -> BaseException | None:
+        """Stop the arm and the sensors, and take what they recorded until then.
+
+        Returns:
+            What ended the run, or else what failed here; a failure must not hide the first one.
         """
         finished, time = self.arm.finished, self.arm.time
         self.now_ns = max(self.now_ns, time.now_ns())
@@ -162,16 +169,23 @@ class RunLoop:
             self.machine.to(RunState.FAULTED, self.now_ns, sentence(error))
         else:
             self.machine.to(RunState.STOPPING, self.now_ns)
-        self.arm.stop()
-        if interrupted:
-            time.wait_until(self.now_ns + self.arm.rests_after_ns)
+        try:
+            self.arm.stop()
+            if interrupted:
+                time.wait_until(self.now_ns + self.arm.rests_after_ns)
+        except Exception as failure:
+            error = error or failure
         with suppress(Exception):
             if self.now_ns > 0 and not finished:
                 self._advance(max(self.now_ns, time.now_ns()))
         with suppress(StorageError):
             # A step whose last samples were lost has not ended.
             self._note(own for own in self.arm.events() if not own.event.startswith("step_"))
-        self.sensors.stop()
+        try:
+            self.sensors.stop()
+        except Exception as failure:
+            error = error or failure
+        return error
 
     def _close(self, error: BaseException | None, interrupted: bool) -> Session:
         """Say how it ended, and close the session."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import TypeVar
 
 from pydantic import ValidationError
 
@@ -15,6 +17,8 @@ from testbench.pipeline.request import ImportRequest, TruthRequest
 from testbench.records.disk.yaml_file import parse_yaml, validation_problems
 from testbench.records.session.session import Session
 from testbench.records.specs.strict import Placement
+
+Value = TypeVar("Value")
 
 
 def bring_in(asked: ImportRequest, clock: Clock | None = None) -> Session:
@@ -30,7 +34,7 @@ def bring_in(asked: ImportRequest, clock: Clock | None = None) -> Session:
             written then.
         FileProblems: A file is not of this format; nothing is written then.
     """
-    units = dict(_pair("--unit", text) for text in asked.units)
+    units = _once("--unit", (_pair("--unit", text) for text in asked.units))
     options = Options(asked.mapping, asked.rate_hz, units, asked.axes, asked.recorded_at)
     truth = None if asked.truth is None else _truth(asked.truth)
     files = [Path(file) for file in asked.files]
@@ -44,8 +48,8 @@ def _truth(asked: TruthRequest) -> TruthOptions:
     return TruthOptions(
         Path(asked.file),
         asked.robot,
-        dict(links),
-        dict(_placement(text) for text in asked.mountings),
+        _once("--link", links),
+        _once("--mounting", map(_placement, asked.mountings)),
         asked.dwell_s,
         asked.move_s,
         asked.offset_s,
@@ -53,6 +57,16 @@ def _truth(asked: TruthRequest) -> TruthOptions:
         asked.joint_unit,
         asked.calibration_poses,
     )
+
+
+def _once(option: str, pairs: Iterable[tuple[str, Value]]) -> dict[str, Value]:
+    """What an option says of each name, of which it may speak once."""
+    found: dict[str, Value] = {}
+    for name, value in pairs:
+        if name in found:
+            raise InputError(f"{option} is given twice for {name or 'the sensor'}; say which holds")
+        found[name] = value
+    return found
 
 
 def _pair(option: str, text: str) -> tuple[str, str]:

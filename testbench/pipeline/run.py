@@ -9,7 +9,7 @@ from testbench.drivers.arms.catalogue import SIM, refuse_other_maker
 from testbench.exceptions import BenchError, SessionError
 from testbench.execution import RunOptions, execute
 from testbench.execution.executor import execute_on_arm, simulated_sensors
-from testbench.execution.resume import refuse_differences
+from testbench.execution.resume import open_for_resume, refuse_differences
 from testbench.execution.run_progress import Progress
 from testbench.pipeline.analyse import Result, analyse, load_analysis
 from testbench.pipeline.approval import approve
@@ -86,11 +86,13 @@ def _record_simulated(prepared: Prepared, asked: RunRequest, watcher: Watcher) -
     resumed = prepared.resumed
     if resumed is None:
         return execute(prepared.plan, options=options)
-    refuse_differences(resumed, prepared.plan, simulated_sensors(prepared.plan))
-    seed, speed = resumed.manifest.seed, resumed.manifest.arm.speed
-    if seed is None:
-        raise SessionError(f"{resumed.path} does not say by which seed it was begun")
     with session_lock(resumed.path):
+        # As it is now: another process may have gone on with it meanwhile.
+        resumed = open_for_resume(resumed.path)
+        refuse_differences(resumed, prepared.plan, simulated_sensors(prepared.plan))
+        seed, speed = resumed.manifest.seed, resumed.manifest.arm.speed
+        if seed is None:
+            raise SessionError(f"{resumed.path} does not say by which seed it was begun")
         again = replace(options, seed=seed, speed=speed, resumed=resumed)
         return execute(prepared.plan, options=again)
 
@@ -104,7 +106,11 @@ def _record_on_arm(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> S
     resumes: dict[str, Any] | None = None
     if prepared.resumed is not None:
         today = {name: imu.describe() for name, imu in sensors.imus.items()}
-        refuse_differences(prepared.resumed, prepared.plan, today)
+        try:
+            refuse_differences(prepared.resumed, prepared.plan, today)
+        except BenchError:
+            sensors.close()
+            raise
         steps = prepared.steps or []
         resumes = {"session": prepared.resumed.name, "steps": [step.index for step in steps]}
     options = replace(

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -145,16 +145,33 @@ def journal_batches(path: Path) -> tuple[pa.Schema, Iterator[pa.RecordBatch]]:
 
 
 def _whole_batches(path: Path) -> Iterator[pa.RecordBatch]:
-    with path.open(
-        "rb"
-    ) as source:  # not mapped: a long journal would count as memory of this process
+    # Not mapped: a long journal would count as memory of this process.
+    with path.open("rb") as source:
         reader = pa.ipc.open_stream(source)
         while True:
             try:
                 batch = reader.read_next_batch()
-            except (StopIteration, pa.ArrowException, OSError):
+            except (StopIteration, pa.ArrowException, OSError) as end:
+                _refuse_damage(path, source, end)
                 return
             yield batch
+
+
+def _refuse_damage(path: Path, source: BinaryIO, end: Exception) -> None:
+    """Let a journal end where its file does, be it within a batch, and nowhere else.
+
+    Raises:
+        SessionError: The disk does not give what follows, or what follows is no batch.
+    """
+    damaged = SessionError(
+        f"the journal {path} is damaged at byte {source.tell()}: {end or 'its end is marked there'}"
+        "; it is kept, and what stands before that byte is whole"
+    )
+    if isinstance(end, OSError) and end.errno is not None:
+        raise damaged from None
+    # What a file system set aside for a writer that was cut off reads as zeros.
+    if any(source.read().strip(b"\0")):
+        raise damaged from None
 
 
 def compact(journal: Path, target: Path) -> int:

@@ -49,7 +49,10 @@ def to_arrow(values: np.ndarray, kind: pa.DataType | None = None) -> pa.Array:
     if values.dtype.kind not in "biuf":  # text, as of the names of steps
         return pa.array(values, type=kind)
     kind = pa.from_numpy_dtype(values.dtype) if kind is None else kind
-    values = values.astype(kind.to_pandas_dtype(), order="C", casting="same_kind", copy=False)
+    given = values
+    values = given.astype(kind.to_pandas_dtype(), order="C", casting="same_kind", copy=False)
+    if pa.types.is_integer(kind) and values.dtype != given.dtype and (values != given).any():
+        raise OverflowError(f"a column of {kind} does not hold all of its numbers")
     bits = np.packbits(values, bitorder="little") if pa.types.is_boolean(kind) else values
     return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(bits)])
 

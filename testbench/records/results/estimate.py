@@ -69,8 +69,15 @@ class ClockFit:
 
 
 def as_kept(values: np.ndarray) -> np.ndarray:
-    """Orientations or angles as an estimate keeps them, to 7 digits (float32), shape (...) to
-    (...): 1e-5 deg, which no sensor knows. Whoever makes an estimate judges what others will read.
+    """Orientations or angles as an estimate keeps them: 7 digits (float32), about 1e-5 deg.
+
+    Whoever makes an estimate evaluates what others will read.
+
+    Args:
+        values: Shape (...), parts of quaternions or angles [rad].
+
+    Returns:
+        Shape (...), doubles.
     """
     return np.asarray(values, np.float32).astype(float)
 
