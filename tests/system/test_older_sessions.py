@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 
-from testbench import plan
+from testbench import estimate, plan
+from testbench.exceptions import SessionError
 from testbench.execution.resume import stored_protocol
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.study import StudyRecord
@@ -148,3 +149,14 @@ def test_an_older_session_of_other_software_is_refused_in_a_sentence(older, caps
     file.write_text(json.dumps(manifest), encoding="utf-8")
     assert command("run", "--resume", folder, "--no-report") == 2
     assert "software numpy: 0.1 before" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("end", ["proximal", "distal"])
+def test_a_joint_of_a_sensor_that_a_session_lacks_is_refused(quick, tmp_path, end) -> None:
+    folder = tmp_path / "session"
+    shutil.copytree(quick.session.path, folder)
+    content = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    content["analysis"]["joints"]["elbow"][end] = "knee"
+    (folder / "manifest.json").write_text(json.dumps(content), encoding="utf-8")
+    with pytest.raises(SessionError, match=rf"joints\.elbow\.{end} is 'knee'; the sensors are arm"):
+        estimate(Session(folder))

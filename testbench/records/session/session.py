@@ -119,11 +119,19 @@ class Session:
             SessionError: The manifest does not hold them.
         """
         try:
-            return Analysis.model_validate(self.manifest.analysis)
+            analysis = Analysis.model_validate(self.manifest.analysis)
         except ValidationError as error:
             raise SessionError(
                 f"{self.path / MANIFEST}: the analysis is damaged: {first_problem(error)}"
             ) from None
+        for name, joint in analysis.joints.items():
+            for end, sensor in (("proximal", joint.proximal), ("distal", joint.distal)):
+                if sensor not in self.manifest.sensors:
+                    raise SessionError(
+                        f"{self.path / MANIFEST}: the analysis is damaged: joints.{name}.{end} is "
+                        f"'{sensor}'; the sensors are {', '.join(self.sensor_names)}"
+                    )
+        return analysis
 
     @property
     def is_being_recorded(self) -> bool:
