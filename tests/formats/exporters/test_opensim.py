@@ -159,8 +159,9 @@ def test_opensim_reads_the_joint_angles_in_degrees(osim, source, quick, tmp_path
     rows = np.searchsorted(series["host_time_ns"], time_ns)
     np.testing.assert_array_equal(series["host_time_ns"][rows], time_ns)
     flexion = table.getDependentColumn("elbow_flexion").to_numpy()
+    # The evaluation's series keeps seven digits, the exported column nine decimals.
     np.testing.assert_allclose(
-        flexion, np.degrees(series["vqf_6d_ZXZ_flexion_rad"][rows]), atol=1e-8
+        flexion, np.degrees(series["vqf_6d_ZXZ_flexion_rad"][rows]), atol=1e-5
     )
     measured = table.getDependentColumn("wrist_3_joint").to_numpy()
     np.testing.assert_allclose(measured, np.degrees(series["reference_rad"][rows]), atol=1e-8)
