@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -15,7 +13,7 @@ from tests.benchmarks.resuming import count_of, resumed
 from tests.benchmarks.timing import Text, show
 from tests.system.known_truth import PLACES, Case, cases
 
-COUNT, PROCESSES = 500, 2
+COUNT = 500
 
 
 def bench_coverage(count: int = COUNT) -> bool:
@@ -47,13 +45,8 @@ def bench_coverage(count: int = COUNT) -> bool:
 
 def _sessions(seeds: range) -> Iterator[list[dict[str, Any]]]:
     """The cases of one session after the other."""
-    with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
-        for found in pool.map(_session, seeds, chunksize=1):
-            yield [asdict(case) for case in found]
-
-
-def _session(seed: int) -> list[Case]:
-    return cases([seed])
+    for seed in seeds:
+        yield [asdict(case) for case in cases([seed])]
 
 
 def _numbers(own: list[Case]) -> list[str]:
