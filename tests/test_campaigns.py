@@ -59,3 +59,14 @@ def test_what_another_state_of_the_source_gave_is_not_taken(trials, tmp_path, mo
     resumed("squares", 2, trials, tmp_path)
     assert trials.asked == [0, 1, 0, 1]
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_two_processes_are_not_at_one_campaign(trials, tmp_path) -> None:
+    class Within:
+        def __call__(self, numbers: range) -> Iterator[int]:
+            with pytest.raises(SystemExit, match="squares is under way in another process"):
+                resumed("squares", 2, trials, tmp_path)
+            yield from numbers
+
+    assert resumed("squares", 2, Within(), tmp_path) == [0, 1]
+    assert trials.asked == []

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import fcntl
 import hashlib
 import json
+import os
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -26,13 +29,20 @@ def resumed(
         count: Of trials.
         trials: Runs some, by their numbers, and gives what each came to as plain values.
         folder: That the file lies in.
+
+    Raises:
+        SystemExit: Another process is at the same campaign.
     """
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{name}_{source_hash()[:12]}.jsonl"
-    done = finished(file)
-    if done:
-        print(f"{name}: {min(len(done), count)} of {count} were done before", flush=True)
     with file.open("a", encoding="utf-8") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            sys.exit(f"the campaign {name} is under way in another process")
+        done = finished(file)
+        if done:
+            print(f"{name}: {min(len(done), count)} of {count} were done before", flush=True)
         for found in trials(range(len(done), count)):
             stream.write(json.dumps(found) + "\n")
             stream.flush()
@@ -42,12 +52,9 @@ def resumed(
 
 def finished(file: Path) -> list[Any]:
     """The trials in a file; a last line that was cut off is taken away."""
-    if not file.is_file():
-        return []
-    whole = file.read_bytes().rpartition(b"\n")[0]
-    lines = whole.splitlines()
-    file.write_bytes(whole + b"\n" if lines else b"")
-    return [json.loads(line) for line in lines]
+    whole, end, _ = file.read_bytes().rpartition(b"\n")
+    os.truncate(file, len(whole + end))
+    return [json.loads(line) for line in whole.splitlines()]
 
 
 def source_hash() -> str:
