@@ -20,10 +20,12 @@ from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
 from testbench.pipeline.analyse import analyse
 from testbench.pipeline.run import run
+from testbench.pipeline.watcher import Watcher
 from testbench.records.disk.tables import read_parquet
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.session.session import Session
 from tests.asking import analysis, going_on
+from tests.conftest import FakeClock
 from tests.processes import FORKS, forked, virtual_time
 
 SEED = 5
@@ -142,7 +144,7 @@ def crash(protocol: Path, logs: Path, speed: str, part: float, whole: Undisturbe
     _ = session.events, session.steps
     finished = session
     if session.status != "completed":
-        finished = run(going_on(session.path)).session
+        finished = run(going_on(session.path), Watcher(clock=FakeClock())).session
     evaluation = analyse(finished, analysis()).evaluation
     names = [
         "arm",

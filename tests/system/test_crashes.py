@@ -244,7 +244,7 @@ def test_an_arm_of_ones_own_under_the_name_of_a_shipped_one_is_resumed_with_its_
     ):
         run(going_on(session.path))
     file.write_text(file.read_text().replace("record_hz: 500", "record_hz: 250"))
-    assert run(going_on(session.path)).session.status is RunStatus.COMPLETED
+    assert run(going_on(session.path), Watcher(clock)).session.status is RunStatus.COMPLETED
 
 
 @contextmanager
@@ -303,10 +303,10 @@ def test_sessions_are_listed_though_one_has_a_broken_evaluation(
 def test_a_broken_off_run_is_resumed_on_the_command_line(tiny_plan, tmp_path, clock):
     session = broken_off(tiny_plan, tmp_path, clock, 2.0)
     command = ("run", "--resume", session.path, "--no-report", "--json")
-    done = bench(*command)
+    done = bench(*command, around=virtual_time)
     assert done.returncode == 0, done.stderr
     assert Session(session.path).status is RunStatus.COMPLETED
-    again = bench(*command)
+    again = bench(*command, around=virtual_time)
     assert again.returncode == 2
     assert "was completed" in again.stderr
 
