@@ -9,15 +9,15 @@ from functools import partial
 
 import numpy as np
 
+from testbench.estimation.alignment.axes import findings_on as axes_findings
 from testbench.estimation.alignment.axes import identify_axes, true_rates
-from testbench.estimation.alignment.axes import remarks_on as axes_remarks
 from testbench.estimation.alignment.frame_alignment import (
     apply_frames,
     fit_frames,
     fit_frames_by_motion,
     fit_frames_by_vectors,
 )
-from testbench.estimation.alignment.resting_heading import drift_remark
+from testbench.estimation.alignment.resting_heading import drift_finding
 from testbench.estimation.alignment.vector_mounting import VectorMounting, mounting_from_vectors
 from testbench.estimation.calibration.static_poses import fit_static_poses
 from testbench.estimation.chain.session import ChainRecording, estimate_chain
@@ -33,6 +33,8 @@ from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.reference_step import aligning_part, before_judging, reference_step
 from testbench.model.truth import truth_at
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration_file import SensorCalibration, find_calibration
 from testbench.records.results.estimate import (
     CalibrationFit,
@@ -91,7 +93,7 @@ def estimate(
         name: estimate_joint(joint, run, sensors, chosen)
         for name, joint in session.analysis.joints.items()
     }
-    chain, chain_remarks = (
+    chain, chain_findings = (
         estimate_chain(ChainRecording.of(session, run), sensors, settings.chain)
         if settings.chain is not None
         else ([], [])
@@ -108,7 +110,7 @@ def estimate(
         used,
         {name: entry for name, entry in tuned.items() if entry.tuned},
         chain,
-        chain_remarks,
+        chain_findings,
         known,
         given,
     )
@@ -185,7 +187,7 @@ class PreparedSensor:
         orientation: dict[str, np.ndarray] = {}
         frames: dict[str, FrameFit] = {}
         skipped: dict[str, str] = {}
-        remarks = list(self.estimate.remarks)
+        findings = list(self.estimate.findings)
         running: dict[str, OrientationFilter] = {}
         resting = self.estimate.static & ~self.estimate.flagged
         for kind in filters:
@@ -203,18 +205,18 @@ class PreparedSensor:
             frames[key], warning = _align(self, q)
             orientation[key] = as_kept(apply_frames(q, frames[key]))
             if warning is not None:
-                remarks.append(f"{key}: {warning}")
-            drift = drift_remark(
+                findings.append(finding("frames.doubt", filter=key, doubt=warning))
+            drift = drift_finding(
                 running[key], orientation[key], self.estimate.host_time_ns, resting
             )
             if drift is not None:
-                remarks.append(drift)
+                findings.append(drift)
         return replace(
             self.estimate,
             orientation={key: orientation[key] for key in running},
             frames={key: frames[key] for key in running},
             skipped=skipped,
-            remarks=remarks,
+            findings=findings,
         )
 
 
@@ -245,16 +247,12 @@ def _check_calibrations(session: Session, calibrations: list[SensorCalibration])
         )
 
 
-def _stored_remarks(
+def _stored_findings(
     tag: str | None, recorded: datetime | None, stored: SensorCalibration | None, given: bool
-) -> list[str]:
+) -> list[Finding]:
     """What a reader must know of the correction of the raw samples."""
     if stored is None:
-        return (
-            ["no stored calibration is of this sensor; its raw samples were left as they are"]
-            if given
-            else []
-        )
+        return [finding("calibration.none_of_this_sensor")] if given else []
     same = (
         f"of the same device, {tag}"
         if tag and stored.device == tag
@@ -266,15 +264,8 @@ def _stored_remarks(
     origin = (
         f"{stored.file}, " if stored.file else ""
     ) + f"session {stored.session} of {stored.calibrated:%Y-%m-%d}"
-    undated = (
-        "" if recorded else "; when the session was recorded, and how long from that, is unknown"
-    )
-    return [
-        (
-            f"its raw samples were first corrected by a stored calibration ({origin}, {methods}; "
-            f"{same}{undated})"
-        )
-    ]
+    code = "calibration.stored" if recorded else "calibration.stored_undated"
+    return [finding(code, origin=origin, methods=methods, match=same)]
 
 
 def _corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:
@@ -304,15 +295,15 @@ def _prepared(
         )
     stored = _stored(session, name, calibrations or [])
     tag = recording.described.device_tag
-    remarks = _stored_remarks(tag, run.recorded, stored, bool(calibrations))
-    return prepare_sensor(recording, run, stored, remarks)
+    findings = _stored_findings(tag, run.recorded, stored, bool(calibrations))
+    return prepare_sensor(recording, run, stored, findings)
 
 
 def prepare_sensor(
     recording: SensorRecording,
     run: RunFacts,
     stored: SensorCalibration | None = None,
-    remarks: Sequence[str] = (),
+    findings: Sequence[Finding] = (),
 ) -> PreparedSensor:
     """Fit a sensor's clock and calibration, and find what its alignment goes by.
 
@@ -320,7 +311,7 @@ def prepare_sensor(
         recording: Of the sensor.
         run: What is known of it beside the samples.
         stored: Calibration to correct the raw samples with first.
-        remarks: On that.
+        findings: On that.
     """
     # Longer than a screen: one step after another, each with what the ones before it found.
     settings, description = run.settings, recording.described
@@ -340,25 +331,20 @@ def prepare_sensor(
         calibration = _calibrate(
             run, samples.acc, samples.gyr, time, static & ~quality.flagged, truth
         )
-    remarks = [*remarks, *quality.remarks]
+    findings = [*findings, *quality.findings]
     if settings.align_clock and truth is not None and clock.method == "arrival":
-        remarks.append(
-            "its clock could not be fitted to the motion; it is late by the unknown latency of its "
-            "samples"
-        )
+        findings.append(finding("clock.unfitted"))
     planned = sum(step.role == "calibration" and step.kind != "sweep" for step in run.steps)
     if calibration.method == "static_poses" and calibration.poses < planned:
-        remarks.append(
-            f"{planned - calibration.poses} of {planned} calibration poses were not at rest and "
-            "were left out"
-        )
+        left_out = planned - calibration.poses
+        findings.append(finding("calibration.poses_moving", left_out=left_out, planned=planned))
     correct = partial(_corrected, calibration=calibration, sampling=description.sampling)
     axes = (
         identify_axes(samples, time, static & ~quality.flagged, truth, run.gravity)
         if truth is not None
         else {}
     )
-    remarks += axes_remarks(axes)
+    findings += axes_findings(axes)
     every = max(len(time) // MOST_COMPARED, 1) if settings.align == "motion" else 1
     mounting = aligned_to = None
     if settings.align in {"rates", "motion"} and truth is not None:
@@ -367,10 +353,7 @@ def prepare_sensor(
             quiet = static & ~quality.flagged
             mounting = _mounting(run, correct(uniform), rows, time, quiet, truth, aligned_to)
     if access.every > 1:
-        remarks.append(
-            f"a long recording: its estimates are kept, and judged, at one of {access.every} "
-            "samples"
-        )
+        findings.append(finding("recording.long", every=access.every))
     estimated = SensorEstimate(
         host_time_ns=time,
         static=static,
@@ -379,7 +362,7 @@ def prepare_sensor(
         clock=clock,
         calibration=calibration,
         quality=quality.counts(),
-        remarks=remarks,
+        findings=findings,
         timing=access.timing(description.rate_hz, _rate_age(description)),
         every=access.every,
         axes=axes,

@@ -12,6 +12,8 @@ from testbench.evaluation.judged import SETTLING_NS
 from testbench.frames import NANOSECONDS
 from testbench.model.truth import WIDEST_GAP_NS
 from testbench.records.disk.tables import read_parquet_batches
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.session.layout import ARM, table_file
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.session import Session
@@ -29,8 +31,8 @@ MISSED_SHARE = 0.01
 """A larger share of the controller's samples that did not come is told."""
 
 
-def arm_notes(session: Session) -> list[str]:
-    """What must be known of the arm's recording, in sentences.
+def arm_findings(session: Session) -> list[Finding]:
+    """What must be known of the arm's recording.
 
     None where the bench did not record an arm.
     """
@@ -44,43 +46,36 @@ def arm_notes(session: Session) -> list[str]:
     if arm is None or arm.simulated:  # a model and its commands have one clock; no sample is missed
         return []
     leads, steps, count, gap_ns = _look(session, arm.commanded)
-    notes = _clock_notes(session)
+    found = _clock_findings(session)
     early = [lead for lead in leads if lead > LEAD_NS]
     if early:
-        notes.append(
-            f"arm time is doubtful by {max(early) / NANOSECONDS:.2g} s: in {len(early)} of {steps} "
-            "steps the arm moves before it was commanded, so the truth does not belong to the "
-            "sensors' samples"
-        )
+        lead = max(early) / NANOSECONDS
+        found.append(finding("arm_time.early", lead_s=lead, early=len(early), steps=steps))
     missed = session.manifest.arm.timing.samples_missed
     if missed > MISSED_SHARE * (missed + count) or (missed and gap_ns > WIDEST_GAP_NS):
-        share = 100 * missed / (missed + count)
-        notes.append(
-            f"of the controller's samples {missed} ({share:.2g} %) did not come, the longest gap "
-            f"is {gap_ns / NANOSECONDS:.2g} s; the truth is not known in gaps beyond "
-            f"{WIDEST_GAP_NS / NANOSECONDS:g} s"
+        found.append(
+            finding(
+                "arm_time.missed",
+                missed=missed,
+                share_percent=100 * missed / (missed + count),
+                gap_s=gap_ns / NANOSECONDS,
+                widest_s=WIDEST_GAP_NS / NANOSECONDS,
+            )
         )
-    return notes
+    return found
 
 
-def _clock_notes(session: Session) -> list[str]:
+def _clock_findings(session: Session) -> list[Finding]:
     """What the driver found of the clocks while it recorded."""
-    notes = []
+    found = []
     for event in session.events:
-        at = f"at {event.host_time_ns / NANOSECONDS:.1f} s"
+        at = event.host_time_ns / NANOSECONDS
         by, lead = event.details.get("by_s"), event.details.get("lead_s")
         if event.event == "arm_time_step" and isinstance(by, int | float):
-            notes.append(
-                f"the clocks of controller and bench parted by {abs(by):.2g} s before {at[3:]}: "
-                "the arm's times are right from there on, and wrong by as much before, at most "
-                "since the last motion began"
-            )
+            found.append(finding("arm_time.step", by_s=abs(by), at_s=at))
         elif event.event == "arm_time_doubtful" and isinstance(lead, int | float):
-            notes.append(
-                f"arm time is doubtful by {lead:.2g} s {at}: a motion seemed to begin before it "
-                "was commanded"
-            )
-    return notes
+            found.append(finding("arm_time.doubtful", lead_s=lead, at_s=at))
+    return found
 
 
 def _look(session: Session, commanded: bool) -> tuple[list[int], int, int, int]:

@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.evaluation.budgets import ChainTruth, TrueArm, chain_budget
-from testbench.evaluation.cycles import Found, chain_cycles, cycle_notes
+from testbench.evaluation.cycles import Found, chain_cycles, cycle_findings
 from testbench.evaluation.metrics import rms, summarise
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_motion import joint_acceleration
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding, told_once
 from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import ChainRow, ResultTables
@@ -29,7 +31,7 @@ LEAST_COVERED_PERCENT = 80.0
 
 
 def judge_chain(session: Session, estimate: Estimate) -> tuple[ResultTables, list[Found]]:
-    """Rows, error signals, budgets and remarks of every section and state, and their average
+    """Rows, error signals, budgets and findings of every section and state, and their average
     cycles.
     """
     arm = TrueArm.of(session) if estimate.chain else None
@@ -38,24 +40,18 @@ def judge_chain(session: Session, estimate: Estimate) -> tuple[ResultTables, lis
     for one in estimate.chain:
         where = f"chain, section {one.section}, {one.state}"
         if recorded is None:
-            result.notes.append(
-                f"{where}: not judged, for no arm reported the true angles of its joints"
-            )
+            result.findings.append(finding("chain.no_true_angles", where))
             continue
         rows, series = evaluate_chain(session, one, recorded)
         result.series[one.key] = series
         cycles = chain_cycles(session.steps, one, series)
         found += cycles
         own = [step for step in session.steps if step.section == one.section]
-        notes = cycle_notes(f"chain, section {one.section}", own, cycles)
-        result.notes.extend(
-            note for note in notes if note not in result.notes
-        )  # the states share their truth
+        # the states share their truth, and what is said of it
+        told = cycle_findings(f"chain, section {one.section}", own, cycles)
+        result.findings[:] = told_once([*result.findings, *told])
         if not rows:
-            result.notes.append(
-                f"{where}: not judged, for no sample is left: settling_s leaves out as much as its "
-                "steps last, or none was finished"
-            )
+            result.findings.append(finding("chain.no_sample", where))
         for row in rows:
             true = ChainTruth(_true_angle(recorded, row.joint, one), series["judged"])
             budget = chain_budget(session, estimate, one, row.joint, true, arm)
@@ -67,7 +63,7 @@ def judge_chain(session: Session, estimate: Estimate) -> tuple[ResultTables, lis
             result.chain.append(
                 replace(known, expanded_uncertainty_magnitude_deg=budget.expanded_magnitude_deg)
             )
-        result.notes.extend(_coverage_notes(where, rows))
+        result.findings.extend(_coverage(where, rows))
     return result, found
 
 
@@ -81,18 +77,22 @@ def _true_angle(arm: ArmSamples, joint: str, estimate: ChainEstimate) -> np.ndar
     )
 
 
-def _coverage_notes(where: str, rows: list[ChainRow]) -> list[str]:
+def _coverage(where: str, rows: list[ChainRow]) -> list[Finding]:
     """Whether the uncertainties that a state states cover its errors."""
     low = [row for row in rows if row.covered_percent < LEAST_COVERED_PERCENT]
     if not low:
         return []
     worst = min(low, key=lambda row: row.covered_percent)
-    note = (
-        f"{where}: the uncertainties that it states are too small for {len(low)} of {len(rows)} "
-        f"joints: 1.96 of them cover {worst.covered_percent:.0f} % of the errors of {worst.joint}, "
-        "where 95 % would be honest"
-    )
-    return [note]
+    return [
+        finding(
+            "chain.overconfident",
+            where,
+            low=len(low),
+            joints=len(rows),
+            covered_percent=worst.covered_percent,
+            worst=worst.joint,
+        )
+    ]
 
 
 def evaluate_chain(

@@ -13,6 +13,8 @@ import numpy as np
 
 from testbench.evaluation.flexion import JointErrors
 from testbench.frames import NANOSECONDS
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.evaluation import ResultTables
 from testbench.records.results.evaluation_rows import CycleRow
@@ -227,44 +229,45 @@ def cycle_tables(found: list[Found]) -> ResultTables:
     return ResultTables(cycles=[row for row, _ in found], series={CYCLES: columns})
 
 
-def cycle_notes(where: str, steps: Sequence[PlannedStep], found: list[Found]) -> list[str]:
-    """What must be known of the cycles of a joint or chain, in sentences that begin with
-    `where`.
-    """
+def cycle_findings(where: str, steps: Sequence[PlannedStep], found: list[Found]) -> list[Finding]:
+    """What must be known of the cycles of a joint or chain, `where` as findings call it."""
     periodic = [
         (step, step.cycles)
         for step in steps
         if step.cycles is not None and step.cycles.count >= LEAST_CYCLES
     ]
-    notes = []
+    told = []
     for step, cycles in periodic:
         if not lasted_as_planned(step):
             lasted = (step.settled_ns - step.start_ns) / NANOSECONDS
-            notes.append(
-                f"{where}: the sweep '{step.name}' lasted {lasted:.2f} s where "
-                f"{cycles.motion_s:.2f} s were planned, so that nobody knows where its cycles "
-                "begin: they are not averaged"
+            planned = cycles.motion_s
+            told.append(
+                finding(
+                    "cycles.duration", where, step=step.name, lasted_s=lasted, planned_s=planned
+                )
             )
     averaged = {row.step for row, _ in found}
     missing = [
         step for step, _ in periodic if lasted_as_planned(step) and step.index not in averaged
     ]
     if missing:
-        notes.append(
-            f"{where}: no average cycle of {len(missing)} of {len(periodic)} sweeps: fewer than "
-            f"{LEAST_CYCLES} of their cycles are judged from end to end, or the angle hardly "
-            "changes"
-        )
+        few, of = len(missing), len(periodic)
+        told.append(finding("cycles.too_few", where, missing=few, sweeps=of, least=LEAST_CYCLES))
     unlike = {
         (row.joint, row.step): row
         for row, _ in found
         if row.true_sd_deg > LEAST_REPEATED * row.true_rom_deg
     }
     for row in unlike.values():
-        notes.append(
-            f"{where}: the true angle of {row.joint} in step {row.step} differs from one cycle of "
-            f"{1 / row.frequency_hz:.3g} s to the next by {row.true_sd_deg:.2f} deg (standard "
-            f"deviation) of a range of {row.true_rom_deg:.1f} deg: it is not periodic as planned, "
-            "and its average cycle says little"
+        told.append(
+            finding(
+                "cycles.unlike",
+                where,
+                joint=row.joint,
+                step=row.step,
+                period_s=1 / row.frequency_hz,
+                sd_deg=row.true_sd_deg,
+                range_deg=row.true_rom_deg,
+            )
         )
-    return notes
+    return told

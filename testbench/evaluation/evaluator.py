@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.evaluation.arm_time import arm_notes
+from testbench.evaluation.arm_time import arm_findings
 from testbench.evaluation.budgets import TrueArm, flexion_clock_sd, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
-from testbench.evaluation.cycles import Found, cycle_notes, cycle_tables, joint_cycles
+from testbench.evaluation.cycles import Found, cycle_findings, cycle_tables, joint_cycles
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.field_following import following_rows
@@ -17,7 +17,7 @@ from testbench.evaluation.flexion import joint_errors, joint_rows
 from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
 from testbench.evaluation.judged import sound_truth
-from testbench.evaluation.left_out import left_out_notes
+from testbench.evaluation.left_out import left_out
 from testbench.evaluation.magnetic import (
     FieldDeviation,
     field_deviation,
@@ -37,6 +37,8 @@ from testbench.evaluation.outliers import outlier_rows
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.reference_step import reference_warning
 from testbench.records.disk.near import Instants, united
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import SEVERITY, Evaluation, Metric, Outcome, ResultTables
 from testbench.records.results.evaluation_rows import TunedRow
@@ -79,18 +81,17 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         parts.append(_sensor_tables(session, estimate, name, steps, arm))
         norms += _norm_metrics(name, rest)
     if steps is not None and not steps:
-        nothing = "no step of the protocol was finished, so there is nothing to judge"
-        parts.append(ResultTables(notes=[nothing]))
+        parts.append(ResultTables(findings=[finding("judged.no_step")]))
     for name in estimate.joints:
         joint, found = _joint_tables(session, estimate, name, steps or [], arm)
         parts.append(joint)
         cycles += found
     outliers = outlier_rows(ResultTables.joined(parts), estimate.behaviour)
-    parts.append(ResultTables(outliers=outliers, notes=estimate.remarks))
+    parts.append(ResultTables(outliers=outliers, findings=estimate.findings))
     chain, found = judge_chain(session, estimate)
     tables = ResultTables.joined([*parts, chain, cycle_tables(cycles + found)])
     metrics, outcome = judge(session.analysis, summarise_metrics(tables) + norms)
-    tables = replace(tables, notes=tables.notes + _verdict_notes(metrics))
+    tables = replace(tables, findings=tables.findings + _unjudged(metrics))
     if (
         session.status is not RunStatus.COMPLETED
     ):  # part of what was to be judged is missing: it cannot have passed
@@ -100,30 +101,37 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
 
 def _bench_tables(session: Session, estimate: Estimate) -> ResultTables:
     """What must be known of the run and of the filters, whatever they come to."""
-    notes = list(session.manifest.plan.check.warnings)
+    warned = session.manifest.plan.check.warnings
+    found = [finding("plan.warning", text=text) for text in warned]
     doubt = reference_warning(session.steps, session.analysis.estimate.align)
-    if doubt is not None and doubt not in notes:  # else the plan has said so
-        notes.append(doubt)
+    if doubt is not None and doubt not in warned:  # else the plan has said so
+        found.append(finding("plan.reference", text=doubt))
     if session.status is not RunStatus.COMPLETED:
-        notes.append(f"{ENDED[session.status]}: {session.manifest.message or 'it did not finish'}")
+        message = session.manifest.message or "it did not finish"
+        found.append(finding("run.incomplete", how=ENDED[session.status], message=message))
     earlier = earlier_steps(session)
     if earlier is not None:
-        notes.append(f"this session {earlier.sentence}")
+        found.append(finding("run.resumed", goes_on=earlier.sentence))
     tuned = _tuned_rows(estimate)
-    notes += arm_notes(session) + tuning_notes(tuned) + _set_notes(estimate)
-    return ResultTables(notes=notes, tuned=tuned)
+    found += arm_findings(session) + tuning_findings(tuned) + _set_findings(estimate)
+    return ResultTables(findings=found, tuned=tuned)
 
 
-def _verdict_notes(metrics: list[Metric]) -> list[str]:
+def _unjudged(metrics: list[Metric]) -> list[Finding]:
     """Why a metric with a limit was neither passed nor failed."""
     unmeasured = [
-        f"{m.name} by {m.filter} has a limit but was not measured"
+        finding("judged.unmeasured", metric=m.name, filter=str(m.filter))
         for m in metrics
         if m.outcome is Outcome.NOT_MEASURED
     ]
     return unmeasured + [
-        f"{m.name} by {m.filter}{f', section {m.section},' if m.section else ''} is marginal and "
-        f"cannot pass, for the uncertainty of the truth is not known: {m.no_uncertainty}"
+        finding(
+            "judged.no_uncertainty",
+            metric=m.name,
+            filter=str(m.filter),
+            section=f", section {m.section}," if m.section else "",
+            why=m.no_uncertainty,
+        )
         for m in metrics
         if m.outcome is Outcome.MARGINAL and m.no_uncertainty
     ]
@@ -154,21 +162,24 @@ def _sensor_tables(
 ) -> ResultTables:
     """A sensor's rows and error signals."""
     sensor = estimate.sensors[name]
-    notes = [f"{name}: {key} was left out: {why}" for key, why in sensor.skipped.items()]
-    notes += [
-        f"{name}: {count} samples left out: {reason}"
+    found = [
+        finding("judged.filter_left_out", name, filter=key, why=why)
+        for key, why in sensor.skipped.items()
+    ]
+    found += [
+        finding("judged.samples_left_out", name, count=count, reason=reason)
         for reason, count in sensor.quality.items()
         if count
     ]
-    notes += [f"{name}: {remark}" for remark in sensor.remarks]
+    found += [own.at(name) for own in sensor.findings]
     samples = session.imu(name, every=sensor.every) if sensor.stored_calibration is None else None
     truth, jumps = sound_truth(session, name)
     if truth is None:
-        notes.append(f"{name}: no truth, so its orientation is not judged")
+        found.append(finding("judged.no_truth", name))
     elif jumps:
-        notes.append(f"{name}: {jumps} orientations of the truth left out: jumps")
+        found.append(finding("judged.truth_jumps", name, count=jumps))
     own = ResultTables(
-        notes=notes,
+        findings=found,
         gyroscope_bias=[] if samples is None else bias_rows(name, sensor, samples, session.steps),
     )
     if truth is None:
@@ -192,17 +203,15 @@ def _orientation_tables(
     wanted = session.analysis.estimate.euler_ranges
     errors = sensor_errors(name, sensor, truth, steps)
     defined = session.analysis.joints.values()
-    notes: list[str] = []
+    found: list[Finding] = []
     if steps is not None and not any(
         name in {joint.proximal, joint.distal} for joint in defined
     ):  # else its joint tells
         known = np.isfinite(errors.q_true[:, 0])
-        notes = left_out_notes(
-            name, steps, sensor.host_time_ns, sensor.static, known, ~sensor.flagged
-        )
+        found = left_out(name, steps, sensor.host_time_ns, sensor.static, known, ~sensor.flagged)
     parts = [
         ResultTables(
-            notes=notes,
+            findings=found,
             euler_ranges=euler_range_rows(name, sensor, truth, session.steps, wanted),
             orientation=sensor_rows(errors),
             series={orientation_table(name): errors.series()},
@@ -258,31 +267,33 @@ def _tuned_rows(estimate: Estimate) -> list[TunedRow]:
     ]
 
 
-def _set_notes(estimate: Estimate) -> list[str]:
-    """Which parameters a person set for this estimate, in sentences."""
-    notes = []
+def _set_findings(estimate: Estimate) -> list[Finding]:
+    """Which parameters a person set for this estimate."""
+    found = []
     for key, names in estimate.set_parameters.items():
         values = estimate.filter_parameters[key]
         chosen = ", ".join(f"{name} {values[name]:.4g}" for name in names)
-        notes.append(f"{key} ran with {chosen}, set for this estimate")
-    return notes
+        found.append(finding("filter.set", filter=key, parameters=chosen))
+    return found
 
 
-def tuning_notes(rows: list[TunedRow]) -> list[str]:
-    """What must be known of the errors of filters that were tuned, in sentences."""
-    notes = []
+def tuning_findings(rows: list[TunedRow]) -> list[Finding]:
+    """What must be known of the errors of filters that were tuned."""
+    found = []
     for row in rows:
         chosen = ", ".join(f"{name} {value:.4g}" for name, value in row.parameters.items())
-        notes.append(
-            f"{row.filter} ran with {chosen}, tuned for {row.objective} on "
-            f"{', '.join(row.tuned_on)}"
+        found.append(
+            finding(
+                "filter.tuned",
+                filter=row.filter,
+                parameters=chosen,
+                objective=row.objective,
+                on=list(row.tuned_on),
+            )
         )
         if row.on_this_session:
-            notes.append(
-                f"{row.filter} was tuned on this session: its errors here are those of a fit, not "
-                "of a test"
-            )
-    return notes
+            found.append(finding("filter.tuned_here", filter=row.filter))
+    return found
 
 
 def _joint_tables(
@@ -295,16 +306,17 @@ def _joint_tables(
     """A joint's rows and error signals, and its average cycles."""
     errors, joint = joint_errors(session, name, estimate, steps), estimate.joints[name]
     if errors is None:
-        return ResultTables(notes=[f"{name}: no truth, so its angle is not judged"]), []
+        return ResultTables(findings=[finding("judged.no_truth_of_joint", name)]), []
     clock_sd = flexion_clock_sd(estimate, errors) if errors.steps else 0.0
     cycles = joint_cycles(errors)
     rows = joint_rows(errors, clock_sd)
     budgets = joint_budgets(session, estimate, errors, arm)
     summaries, ranks, comparisons = summarise_joint(errors, rows, budgets, clock_sd)
-    notes = errors.notes + [f"joint '{name}': {remark}" for remark in joint.remarks]
-    notes += cycle_notes(f"joint '{name}'", [step for step, _ in errors.steps], cycles)
+    where = f"joint '{name}'"
+    told = errors.findings + [own.at(where) for own in joint.findings]
+    told += cycle_findings(where, [step for step, _ in errors.steps], cycles)
     tables = ResultTables(
-        notes=notes,
+        findings=told,
         series={joint_table(name): errors.series() | joint.heading_series()},
         joint_angle=rows,
         uncertainty=budgets,

@@ -10,7 +10,7 @@ import numpy as np
 
 from testbench.evaluation.dynamics import amplitude_and_frequency, angle_delay, convergence_times
 from testbench.evaluation.judged import rows_by_step
-from testbench.evaluation.left_out import left_out_notes
+from testbench.evaluation.left_out import left_out
 from testbench.evaluation.metrics import Summary, correlation, summarise_each
 from testbench.evaluation.turning import turned_by_sensor
 from testbench.model import rotation
@@ -24,6 +24,7 @@ from testbench.model.joint_angle import (
     unwrapped,
 )
 from testbench.model.truth import WIDEST_GAP_NS, truth_at
+from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import JointRow
 from testbench.records.session.plan import PlannedStep
@@ -58,7 +59,7 @@ class JointErrors:
             against the proximal one, by filter [rad], shape (n,); NaN where nothing is judged.
         turned: What the motion of the proximal and of the distal sensor has added to the true
             flexion, shape (n, 2) [rad].
-        notes: What was to be judged and was not.
+        findings: What was to be judged and was not.
     """
 
     name: str
@@ -72,7 +73,7 @@ class JointErrors:
     steps: list[tuple[PlannedStep, np.ndarray]]
     total: dict[str, np.ndarray]
     turned: np.ndarray
-    notes: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
 
     def sections(self) -> dict[str, list[tuple[PlannedStep, np.ndarray]]]:
         """Steps by section, in their order."""
@@ -119,10 +120,21 @@ def joint_errors(
     counted = [(step, rows[finite[rows]]) for step, rows in rows_by_step(steps, time, static)]
     judged = [(step, rows) for step, rows in counted if len(rows)]
     total = _total_errors(joint, joint_estimate.angles, true_angles[joint.label], judged)
-    notes = left_out_notes(f"joint '{name}'", steps, time, static, np.isfinite(reference), sound)
+    findings = left_out(f"joint '{name}'", steps, time, static, np.isfinite(reference), sound)
     own = joint_estimate.angles
     return JointErrors(
-        name, joint, time, reference, flexion, error, true_angles, own, judged, total, turned, notes
+        name,
+        joint,
+        time,
+        reference,
+        flexion,
+        error,
+        true_angles,
+        own,
+        judged,
+        total,
+        turned,
+        findings,
     )
 
 

@@ -7,6 +7,8 @@ from collections import Counter
 import numpy as np
 
 from testbench.evaluation.judged import window_rows
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.session.plan import PlannedStep
 
 FEW = 0.5
@@ -19,18 +21,18 @@ NO_SAMPLES, MOVING, NO_TRUTH, FLAGGED = (
 )
 
 
-def left_out_notes(
+def left_out(
     subject: str,
     steps: list[PlannedStep],
     time_ns: np.ndarray,
     static: np.ndarray,
     known: np.ndarray,
     sound: np.ndarray,
-) -> list[str]:
-    """One note for each section of which steps, or most samples, do not count.
+) -> list[Finding]:
+    """One finding for each section of which steps, or most samples, do not count.
 
     Args:
-        subject: Sensor or joint, as notes call it.
+        subject: Sensor or joint, as findings call it.
         steps: Those to be judged.
         time_ns: Of the samples, increasing, shape (n,) [ns].
         static: Where the sensors are at rest, shape (n,), bool.
@@ -40,8 +42,9 @@ def left_out_notes(
     sections: dict[str, list[PlannedStep]] = {}
     for step in steps:
         sections.setdefault(step.section, []).append(step)
-    notes = []
+    found = []
     for section, own in sections.items():
+        where = f"{subject}, section {section}"
         lost: list[PlannedStep] = []
         steps_by, samples_by = Counter[str](), Counter[str]()
         planned = counted = 0
@@ -59,12 +62,21 @@ def left_out_notes(
                 lost.append(step)
                 steps_by[reasons.most_common(1)[0][0] if len(rest) else NO_SAMPLES] += 1
         if lost:
-            what = f"{len(lost)} of {len(own)} {_kind(own)}"
-            notes.append(f"{subject}, section {section}: {what} not judged: {_reasons(steps_by)}")
+            found.append(
+                finding(
+                    "judged.steps_left_out",
+                    where,
+                    lost=len(lost),
+                    planned=len(own),
+                    kind=_kind(own),
+                    reasons=_reasons(steps_by),
+                )
+            )
         if counted < FEW * planned:
-            what = f"only {counted} of {planned} samples{' of the others' if lost else ''} judged"
-            notes.append(f"{subject}, section {section}: {what}: {_reasons(samples_by)}")
-    return notes
+            code = "judged.few_samples_of_others" if lost else "judged.few_samples"
+            why = _reasons(samples_by)
+            found.append(finding(code, where, judged=counted, planned=planned, reasons=why))
+    return found
 
 
 def _kind(steps: list[PlannedStep]) -> str:

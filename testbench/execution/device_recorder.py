@@ -20,6 +20,8 @@ from testbench.execution.run_progress import SampleMeter
 from testbench.execution.sensors import Sensors
 from testbench.frames import NANOSECONDS
 from testbench.records.disk.replacing import dated_folder
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ArmSamples, ImuSamples
 from testbench.records.session.session import RunStatus, Session
 from testbench.records.session.session_writer import SessionWriter
@@ -149,7 +151,7 @@ class DeviceRecorder(Recorder):
     def lacking(self) -> DriverError | None:
         if any(self.counts().values()):
             return None
-        return DriverError(f"no device gave a sample; {' '.join(self._notes())}")
+        return DriverError(f"no device gave a sample; {'; '.join(map(str, self._findings()))}")
 
     def _closing(self, arm: dict[str, Any]) -> dict[str, Any]:
         """What each device did, and what was not expected of it."""
@@ -160,42 +162,31 @@ class DeviceRecorder(Recorder):
             "sensors": {
                 name: described[name] | {"statistics": self._statistics(name)} for name in self.imus
             },
-            "notes": self._notes(),
+            "findings": self._findings(),
         }
 
     def _statistics(self, name: str) -> dict[str, Any]:
         stream, counted = self._recorded[name], self._device_statistics().get(name, {})
         return {**counted, "samples": stream.count, "rate_hz": stream.rate()}
 
-    def _notes(self) -> list[str]:
-        """Sentences on devices that did not do what was expected of them."""
-        notes = []
+    def _findings(self) -> list[Finding]:
+        """Devices that did not do what was expected of them."""
+        told = []
         for name, imu in self.imus.items():
-            found = self._statistics(name)
-            refused = found.get("malformed_lines", 0) + found.get("malformed_packets", 0)
-            if not found["samples"]:
-                heard = (
-                    f"{refused} lines or packets came that do not fit its format"
-                    if refused
-                    else "it sent nothing"
-                )
-                notes.append(f"{name}: no samples; {heard}.")
-            elif (
-                found["rate_hz"] is not None
-                and abs(found["rate_hz"] / imu.rate - 1) > RATE_TOLERANCE
-            ):
-                notes.append(
-                    f"{name}: {found['rate_hz']:.1f} samples in a second arrived, {imu.rate:g} "
-                    "were expected."
-                )
-            if found["samples"] and refused > found["samples"] // 100:
-                notes.append(f"{name}: {refused} lines or packets did not fit its format.")
-            if found.get("samples_dropped"):
-                notes.append(
-                    f"{name}: {found['samples_dropped']} samples were dropped because this machine "
-                    "was too slow."
-                )
-        return notes
+            counted = self._statistics(name)
+            samples, rate = counted["samples"], counted["rate_hz"]
+            refused = counted.get("malformed_lines", 0) + counted.get("malformed_packets", 0)
+            if not samples:
+                code = "device.unreadable" if refused else "device.silent"
+                told.append(finding(code, name, refused=refused))
+            elif rate is not None and abs(rate / imu.rate - 1) > RATE_TOLERANCE:
+                told.append(finding("device.rate", name, rate_hz=rate, expected_hz=imu.rate))
+            if samples and refused > samples // 100:
+                told.append(finding("device.malformed", name, refused=refused))
+            if counted.get("samples_dropped"):
+                dropped = counted["samples_dropped"]
+                told.append(finding("device.dropped", name, dropped=dropped))
+        return told
 
 
 def _estimation(imus: list[Imu]) -> Estimation:

@@ -15,6 +15,8 @@ from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.formats.dates import Recorded
 from testbench.frames import NANOSECONDS
 from testbench.records.disk.tables import to_arrow, write_parquet_batches
+from testbench.records.findings.catalogue import noted
+from testbench.records.findings.finding import Finding, told_once
 from testbench.records.session.layout import imu_stream, table_file, truth_stream
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import IMU_NOTES, ImuSamples, Truth
@@ -66,6 +68,7 @@ class Recording:
         sensors: By name.
         analysis: Filters and alignment that suit it.
         notes: What the importer noticed, such as a stale first row it dropped.
+        findings: What is to be said of the samples.
         steps: Of the arm, where its poses are known.
         recorded: When it was made, None where nobody says.
     """
@@ -75,6 +78,7 @@ class Recording:
     sensors: dict[str, ImportedSensor]
     analysis: Analysis
     notes: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     steps: list[PlannedStep] = field(default_factory=list)
     recorded: Recorded | None = None
 
@@ -118,7 +122,9 @@ def write_recording(
             "recorded_utc": utc_text(recording.recorded.at) if recording.recorded else None,
             "recorded_by": recording.recorded.source if recording.recorded else None,
             "protocol": {"name": recording.name, "purpose": recording.purpose},
-            "notes": recording.notes,
+            "findings": told_once(
+                [*recording.findings, *(noted(note) for note in recording.notes)]
+            ),
         },
     )
     begin, end, counts = np.inf, -np.inf, {}

@@ -121,7 +121,7 @@ def test_every_filter_that_can_go_on_gives_the_same_orientation(case):
     assert (whole.every, pieces.every) == (1, EVERY)
     assert list(pieces.orientation) == FILTERS[:-1] and list(whole.orientation) == FILTERS
     assert "all" in pieces.skipped["vqf_offline"]
-    assert any("one of 7 samples" in remark for remark in pieces.remarks)
+    assert any("one of 7 samples" in found.sentence for found in pieces.findings)
     for key, q in pieces.orientation.items() if name != "dark" else ():
         # the clock and the mounting are fitted to fewer samples; what a filter does between is the
         # same

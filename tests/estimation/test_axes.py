@@ -7,11 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.alignment.axes import AS_DOCUMENTED, STRAIGHT, identify_axes, remarks_on
+from testbench.estimation.alignment.axes import AS_DOCUMENTED, STRAIGHT, findings_on, identify_axes
 from testbench.estimation.signals.recording import STANDARD_DOWN
 from testbench.formats.axes import find_axes
 from testbench.model import rotation
 from testbench.records.session.samples import ImuSamples, Truth
+from tests.told import told
 
 RIGHT_HANDED = [
     Rotation.from_matrix(m).as_matrix().round().astype(int)
@@ -64,7 +65,7 @@ def test_a_sound_sensor_needs_no_remark():
     assert [found[t].axes for t in ("gyr", "acc", "mag", "device_q")] == [STRAIGHT] * 3 + [
         AS_DOCUMENTED
     ]
-    assert remarks_on(found) == []
+    assert told(findings_on(found)) == []
     assert found["gyr"].gain == pytest.approx(1, abs=0.01)
 
 
@@ -89,12 +90,12 @@ def test_a_mirrored_triad_and_wrong_units_are_named():
     samples, truth, static = moving()
     found = identify(replace(samples, gyr=samples.gyr * [1, 1, -1]), truth, static)
     assert (found["gyr"].axes, found["gyr"].right_handed) == ("x: +x, y: +y, z: -z", False)
-    assert "mirrors the sensor" in remarks_on(found)[0]
+    assert "mirrors the sensor" in told(findings_on(found))[0]
     found = identify(
         replace(samples, gyr=np.degrees(samples.gyr), acc=samples.acc / 9.80665), truth, static
     )
-    assert "deg/s were taken for rad/s" in remarks_on(found)[0]
-    assert "g were taken for m/s^2" in remarks_on(found)[1]
+    assert "deg/s were taken for rad/s" in told(findings_on(found))[0]
+    assert "g were taken for m/s^2" in told(findings_on(found))[1]
 
 
 @pytest.mark.parametrize(
@@ -108,7 +109,7 @@ def test_a_mirrored_triad_and_wrong_units_are_named():
 def test_a_magnetometer_with_a_wrong_sign_is_named_in_both_its_readings(signs, northern, southern):
     samples, truth, static = moving()
     found = identify(replace(samples, mag=samples.mag * signs), truth, static)
-    (remark,) = remarks_on(found)
+    (remark,) = told(findings_on(found))
     (other,) = {northern, southern} - {found["mag"].axes}
     assert f"it fits '{found['mag'].axes}' or that with all signs reversed, '{other}'" in remark
     assert (
@@ -121,7 +122,7 @@ def test_a_magnetometer_with_a_wrong_sign_is_named_in_both_its_readings(signs, n
 def test_a_magnetometer_with_all_signs_reversed_differs_by_the_dip_alone(sign):
     samples, truth, static = moving()
     found = identify(replace(samples, mag=sign * samples.mag), truth, static)
-    assert found["mag"].axes == STRAIGHT and not remarks_on(found)
+    assert found["mag"].axes == STRAIGHT and not told(findings_on(found))
     assert found["mag"].field_dip_deg == pytest.approx(
         sign * np.degrees(np.arctan2(39, 24)), abs=0.5
     )
@@ -132,7 +133,7 @@ def test_a_level_field_does_not_tell_the_two_readings_apart():
     level = (
         Rotation.from_quat(truth.q_world_from_sensor, scalar_first=True).inv().apply([0, 45.0, 0.5])
     )
-    (remark,) = remarks_on(identify(replace(samples, mag=level * [1, -1, 1]), truth, static))
+    (remark,) = told(findings_on(identify(replace(samples, mag=level * [1, -1, 1]), truth, static)))
     assert "all signs reversed" in remark and "points" not in remark
 
 
@@ -151,7 +152,7 @@ def test_a_quaternion_of_another_convention_is_named(changed, named):
     samples, truth, static = moving()
     found = identify(replace(samples, device_q=changed(samples.device_q)), truth, static)
     assert found["device_q"].axes == named
-    assert named in remarks_on(found)[0]
+    assert named in told(findings_on(found))[0]
 
 
 def test_truth_of_orientations_only_and_of_two_axes_will_do():

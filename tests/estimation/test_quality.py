@@ -29,7 +29,7 @@ def gates(samples):
 def test_a_sound_recording_passes_every_gate():
     quality = gates(recording())
     assert not quality.flagged.any()
-    assert quality.remarks == []
+    assert quality.findings == []
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_a_wrong_norm_at_rest_and_a_disturbed_field_are_remarked_on():
     samples = recording()
     samples.acc[:] *= 1.08
     samples.mag[:400] *= 1.5
-    remarks = gates(samples).remarks
+    remarks = list(map(str, gates(samples).findings))
     assert any("1.080 g" in remark for remark in remarks)
     assert any("magnetic field" in remark for remark in remarks)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.estimation.alignment.resting_heading import drift_remark, resting_drift
+from testbench.estimation.alignment.resting_heading import drift_finding, resting_drift
 from testbench.estimation.filters import get_filter
 from testbench.model import rotation
 
@@ -35,15 +35,15 @@ def test_a_drift_is_named_for_filters_that_have_no_magnetometer():
     imufilter, marg = get_filter("imufilter"), get_filter("madgwick_marg")
     assert (
         "imufilter: its heading turns by 0.7 deg/s while the sensor rests (median over 30 s of "
-        "rest)" in (drift_remark(imufilter, turning(0.7, 0.0), TIME_NS, RESTING) or "")
+        "rest)" in str(drift_finding(imufilter, turning(0.7, 0.0), TIME_NS, RESTING))
     )
-    assert drift_remark(imufilter, turning(0.02, 50.0), TIME_NS, RESTING) is None
-    assert drift_remark(marg, turning(0.7, 0.0), TIME_NS, RESTING) is None
+    assert drift_finding(imufilter, turning(0.02, 50.0), TIME_NS, RESTING) is None
+    assert drift_finding(marg, turning(0.7, 0.0), TIME_NS, RESTING) is None
 
 
 def test_a_few_seconds_of_rest_are_not_enough_to_blame_a_filter():
     """A filter settles in its first seconds; five of them say nothing of a minute."""
     imufilter = get_filter("imufilter")
     short = RESTING & (TIME_NS < 5e9)
-    assert drift_remark(imufilter, turning(19.0, 0.0), TIME_NS, short) is None
-    assert drift_remark(imufilter, turning(19.0, 0.0), TIME_NS, RESTING) is not None
+    assert drift_finding(imufilter, turning(19.0, 0.0), TIME_NS, short) is None
+    assert drift_finding(imufilter, turning(19.0, 0.0), TIME_NS, RESTING) is not None

@@ -11,10 +11,11 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from testbench.evaluation.arm_time import arm_notes
-from testbench.evaluation.left_out import left_out_notes
+from testbench.evaluation.arm_time import arm_findings
+from testbench.evaluation.left_out import left_out
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.session import Session
+from tests.told import told
 
 SECOND = 1_000_000_000
 
@@ -46,13 +47,13 @@ def changed_manifest(path, **arm) -> None:
 
 
 def test_of_a_sound_recording_nothing_is_said(copied):
-    assert arm_notes(Session(copied)) == []
+    assert told(arm_findings(Session(copied))) == []
 
 
 @pytest.mark.parametrize("lead_s", [0.1, 0.25])
 def test_motion_before_its_command_is_told_with_its_size(copied, lead_s):
     shifted(copied, -round(lead_s * SECOND))
-    (note,) = arm_notes(Session(copied))
+    (note,) = told(arm_findings(Session(copied)))
     found = float(note.removeprefix("arm time is doubtful by ").partition(" s:")[0])
     assert lead_s - 0.07 < found <= lead_s
     assert "moves before it was commanded" in note
@@ -60,13 +61,13 @@ def test_motion_before_its_command_is_told_with_its_size(copied, lead_s):
 
 def test_an_arm_that_lags_its_commands_is_none_of_this(copied):
     shifted(copied, SECOND // 5)
-    assert arm_notes(Session(copied)) == []
+    assert told(arm_findings(Session(copied))) == []
 
 
 def test_a_log_is_not_asked_for_its_commands(copied):
     shifted(copied, -SECOND // 4)
     changed_manifest(copied, driver="replay", commanded=False)
-    assert arm_notes(Session(copied)) == []
+    assert told(arm_findings(Session(copied))) == []
 
 
 def test_samples_that_did_not_come_are_told_with_share_and_longest_gap(copied):
@@ -75,7 +76,7 @@ def test_samples_that_did_not_come_are_told_with_share_and_longest_gap(copied):
     kept = (time < SECOND) | (time > SECOND * 13 // 10)
     pq.write_table(table.filter(kept), copied / "arm.parquet")
     changed_manifest(copied, timing={"samples_missed": int((~kept).sum())})
-    (note,) = arm_notes(Session(copied))
+    (note,) = told(arm_findings(Session(copied)))
     share = 100 * (~kept).mean()
     assert f"{(~kept).sum()} ({share:.2g} %) did not come, the longest gap is 0.3" in note
 
@@ -90,7 +91,7 @@ def test_what_the_driver_found_of_the_clocks_is_told(copied):
             {"host_time_ns": 4 * SECOND, "event": "arm_time_doubtful", "lead_s": 0.03},
         ):
             file.write(json.dumps(event) + "\n")
-    first, second = arm_notes(Session(copied))
+    first, second = told(arm_findings(Session(copied)))
     assert "parted by 0.4 s before 3.0 s" in first
     assert "doubtful by 0.03 s at 4.0 s" in second
 
@@ -119,17 +120,17 @@ def within(begin_s: float, end_s: float) -> np.ndarray:
 
 
 def test_nothing_is_said_where_everything_counts():
-    assert left_out_notes("hand", [step(k) for k in range(6)], TIME, YES, YES, YES) == []
+    assert told(left_out("hand", [step(k) for k in range(6)], TIME, YES, YES, YES)) == []
 
 
 def test_every_step_that_does_not_count_is_told_with_its_reason():
     steps = [step(k) for k in range(6)]
     static, known, sound = ~within(3, 4), ~within(5, 6), ~within(7, 8)
-    (note,) = left_out_notes("hand", steps, TIME, static, known, sound)
+    (note,) = told(left_out("hand", steps, TIME, static, known, sound))
     assert note.startswith("hand, section static: 3 of 6 poses not judged: ")
     for reason in ("at rest in 1", "not known in 1", "samples of 1 are flagged"):
         assert reason in note
-    (note,) = left_out_notes("hand", steps, TIME, ~within(3, 4), YES, YES)
+    (note,) = told(left_out("hand", steps, TIME, ~within(3, 4), YES, YES))
     assert (
         note
         == "hand, section static: 1 of 6 poses not judged: the sensors were not at rest in them"
@@ -138,12 +139,12 @@ def test_every_step_that_does_not_count_is_told_with_its_reason():
 
 def test_a_section_that_vanishes_wholly_is_told_and_one_of_which_little_is_left():
     steps = [step(0), step(1), step(2, "sweep", "sweep")]
-    assert left_out_notes("hand", steps, TIME, ~YES, YES, ~within(4, 5)) == [
+    assert told(left_out("hand", steps, TIME, ~YES, YES, ~within(4, 5))) == [
         "hand, section static: 2 of 2 poses not judged: the sensors were not at rest in them",
         "hand, section sweep: 1 of 1 sweeps not judged: the samples of them are flagged",
     ]
     little = within(1.9, 2) | within(3.9, 4)
-    (note,) = left_out_notes("hand", steps[:2], TIME, little, YES, YES)
+    (note,) = told(left_out("hand", steps[:2], TIME, little, YES, YES))
     assert (
         note
         == "hand, section static: only 22 of 152 samples judged: the sensors were not at rest in "
@@ -152,5 +153,5 @@ def test_a_section_that_vanishes_wholly_is_told_and_one_of_which_little_is_left(
 
 
 def test_a_step_without_samples_is_told():
-    (note,) = left_out_notes("hand", [step(0), step(9)], TIME, YES, YES, YES)
+    (note,) = told(left_out("hand", [step(0), step(9)], TIME, YES, YES, YES))
     assert note == "hand, section static: 1 of 2 poses not judged: there are no samples in them"

@@ -17,7 +17,7 @@ from testbench.evaluation.cycles import (
     chain_cycles,
     coefficient_of_multiple_correlation,
     cut_cycles,
-    cycle_notes,
+    cycle_findings,
     cycle_tables,
     joint_cycles,
 )
@@ -26,6 +26,7 @@ from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.session.plan import PlannedCycles, PlannedStep
 from testbench.reporting.report import report
+from tests.told import told
 
 HZ, AMPLITUDE, CENTRE = 0.8, np.radians(25), np.radians(40)
 START_S = 3.0
@@ -154,19 +155,19 @@ def test_cycles_of_the_wrong_length_are_remarked_upon():
     wrong = replace(STEP, cycles=replace(PLANNED, frequency_hz=1.03 * HZ))
     found = joint(np.zeros(len(instants)), step=wrong)
     assert found[0][0].true_sd_deg > 5
-    [note] = cycle_notes("joint 'knee'", [wrong], found)
+    [note] = told(cycle_findings("joint 'knee'", [wrong], found))
     assert (
         note.startswith("joint 'knee': the true angle of knee in step 4 differs")
         and "not periodic as planned" in note
     )
-    assert cycle_notes("joint 'knee'", [STEP], joint(np.zeros(len(instants)))) == []
+    assert told(cycle_findings("joint 'knee'", [STEP], joint(np.zeros(len(instants))))) == []
 
 
 @pytest.mark.parametrize("late", [-1.0, 0.8])
 def test_a_sweep_that_did_not_last_as_planned_is_not_cut(late):
     step = replace(STEP, settled_ns=STEP.settled_ns + int(late * 1e9))
     assert joint(np.zeros(len(instants)), step=step) == []
-    [note] = cycle_notes("here", [step], [])
+    [note] = told(cycle_findings("here", [step], []))
     assert f"lasted {PLANNED.motion_s + late:.2f} s where 17.50 s were planned" in note
 
 
@@ -188,7 +189,7 @@ def test_only_whole_cycles_of_the_judged_part_count():
     assert average["true"][25] == pytest.approx(CENTRE + AMPLITUDE, abs=np.radians(0.1))
     two = judged & (instants / 1e9 < START_S + 6.5 / HZ)
     assert joint(np.zeros(len(instants)), rows=np.flatnonzero(two)) == []
-    [note] = cycle_notes("here", [STEP], [])
+    [note] = told(cycle_findings("here", [STEP], []))
     assert "no average cycle of 1 of 1 sweeps: fewer than 3" in note
 
 

@@ -151,17 +151,17 @@ def test_an_unknown_date_is_said_and_chooses_between_no_calibrations(table, tmp_
     ):
         estimate(session, ["gyro"], [old, new])
     (remark,) = [
-        r
-        for r in estimate(session, ["gyro"], [old]).sensors["left"].remarks
-        if "stored calibration" in r
+        str(found)
+        for found in estimate(session, ["gyro"], [old]).sensors["left"].findings
+        if "stored calibration" in str(found)
     ]
     assert "when the session was recorded, and how long from that, is unknown" in remark
     dated = import_recording(
         "matrix", [file], tmp_path / "b", clock, Options(recorded_at="2023-02-20")
     )
     (remark,) = [
-        r
-        for r in estimate(dated, ["gyro"], [old, new]).sensors["left"].remarks
-        if "stored calibration" in r
+        str(found)
+        for found in estimate(dated, ["gyro"], [old, new]).sensors["left"].findings
+        if "stored calibration" in str(found)
     ]
     assert "session old of 2023-02-01" in remark

@@ -12,6 +12,7 @@ import pytest
 
 from testbench.exceptions import SessionError
 from testbench.records.disk.json_file import json_text, plain_values
+from testbench.records.findings.catalogue import noted
 from testbench.records.results.estimate import CalibrationFit, ClockFit, Estimate, SensorEstimate
 from testbench.records.results.evaluation import (
     TABLES,
@@ -37,7 +38,7 @@ def rows() -> Evaluation:
         orientation=[OrientationRow("a", "vqf_6d", 9, 1.0, NAN, 0.5, 2.0)],
         noise=[noise],
         outcome=Outcome.MARGINAL,
-        notes=["Ünïcode."],
+        findings=[noted("Ünïcode.")],
         series={"orientation_a": {"host_time_ns": np.arange(3), "x_rad": np.array([0, NAN, 1])}},
     )
 
@@ -58,8 +59,11 @@ def test_a_number_that_is_not_known_is_null_on_disk_and_comes_back(tmp_path: Pat
 
 def test_every_table_is_written_read_and_joined() -> None:
     assert {own.name for own in fields(ResultTables)} == {*TABLES, "series"}
-    assert set(TABLES) < set(rows().to_dict())
-    one, two = ResultTables(notes=["a"]), ResultTables(notes=["b"], series={"x": {}})
+    assert {*TABLES, "notes"} < set(rows().to_dict())
+    one, two = (
+        ResultTables(findings=[noted("a")]),
+        ResultTables(findings=[noted("b")], series={"x": {}}),
+    )
     joined = ResultTables.joined([one, two])
     assert (joined.notes, joined.series) == (["a", "b"], {"x": {}})
     assert one.notes == ["a"]
@@ -72,7 +76,7 @@ def test_every_table_is_written_read_and_joined() -> None:
         ({"orientation": {}}, "orientation: must be a list"),
         ({"outcome": "splendid"}, "outcome: must be 'pass', "),
         ({"nonsense": 1}, "nonsense: unknown key"),
-        ({"notes": [1]}, r"notes\[0\]: must be"),
+        ({"findings": [1]}, r"findings\[0\]: must be"),
         ({"schema_version": 1}, "is of schema 1; this version reads 2: run `testbench evaluate`"),
         ({"schema_version": {"a": 1}}, "is of schema"),
     ],

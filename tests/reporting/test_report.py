@@ -18,6 +18,7 @@ import pytest
 from PIL import Image
 
 from testbench.cli.output import say_evaluation
+from testbench.records.findings.catalogue import noted
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Metric, Outcome
 from testbench.records.results.evaluation_rows import FieldFollowingRow, OutlierRow
@@ -236,7 +237,9 @@ def test_hostile_text_is_shown_and_not_run(quick: Judged, tmp_path: Path) -> Non
     (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     metrics = [replace(metric, meaning=hostile) for metric in quick.evaluation.metrics]
     rows = [replace(row, section=hostile) for row in quick.evaluation.joint_angle]
-    evaluation = replace(quick.evaluation, metrics=metrics, joint_angle=rows, notes=[hostile])
+    evaluation = replace(
+        quick.evaluation, metrics=metrics, joint_angle=rows, findings=[noted(hostile)]
+    )
     text = report(Session(folder), quick.estimate, evaluation).read_text(encoding="utf-8")
     assert hostile not in text
     assert html.escape(hostile, quote=False) in text

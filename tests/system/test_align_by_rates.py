@@ -48,4 +48,4 @@ def test_a_single_pose_is_warned_of(altered_protocol, tmp_path):
     result = run(run_of(altered_protocol("static_noise", change), logs=tmp_path))
     sensor = result.estimate.sensors["matrix"]
     assert sensor.frames["vqf_6d"].method == "heading"
-    assert any("the mounting cannot be solved" in remark for remark in sensor.remarks)
+    assert any("the mounting cannot be solved" in str(found) for found in sensor.findings)

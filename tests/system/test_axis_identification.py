@@ -14,7 +14,7 @@ def test_names_every_axis_and_finds_nothing_wrong(result):
     assert [sensor.axes[triad].axes for triad in ("gyr", "acc", "mag")] == [
         "x: +x, y: +y, z: +z"
     ] * 3
-    assert not [remark for remark in sensor.remarks if "axes" in remark or "reads" in remark]
+    assert not [found for found in sensor.findings if "axes" in str(found) or "reads" in str(found)]
 
 
 def test_limit_tests_tell_leakage_from_gimbal_lock(result):
@@ -44,4 +44,4 @@ def test_a_sensor_mounted_another_way_than_stated_is_named(altered_protocol, tmp
     ).estimate.sensors["sensor"]
     for triad in ("gyr", "acc", "mag"):
         assert sensor.axes[triad].axes == "x: -y, y: +x, z: +z"
-    assert any("other axes than its mounting says" in remark for remark in sensor.remarks)
+    assert any("other axes than its mounting says" in str(found) for found in sensor.findings)

@@ -116,6 +116,6 @@ def test_a_motion_about_one_axis_is_reported_as_unobservable(tmp_path):
     session, _ = stick(tmp_path, 4, axes=1)
     sensor = estimate(session).sensors["imu"]
     assert sensor.frames["vqf_6d"].method == "heading"
-    warning = next(remark for remark in sensor.remarks if "one axis" in remark)
+    warning = next(str(found) for found in sensor.findings if "one axis" in str(found))
     assert "add rotations" in warning
     assert any("one axis" in note for note in evaluate(session, estimate(session)).notes)

@@ -20,6 +20,8 @@ import numpy as np
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.truth import truth_at
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import AxisFinding
 from testbench.records.session.samples import AXES, ImuSamples, Truth
 
@@ -74,11 +76,10 @@ def identify_axes(
     return found
 
 
-def remarks_on(axes: dict[str, AxisFinding]) -> list[str]:
-    """What is wrong with a sensor's axes, as sentences; none where nothing is."""
-    return [
-        remark for triad, finding in axes.items() if (remark := _remark(triad, finding)) is not None
-    ]
+def findings_on(axes: dict[str, AxisFinding]) -> list[Finding]:
+    """What is wrong with a sensor's axes; none where nothing is."""
+    looked = [_odd(triad, own) for triad, own in axes.items()]
+    return [found for found in looked if found is not None]
 
 
 NAMES = {
@@ -94,31 +95,23 @@ GAINS = {
 }
 
 
-def _remark(triad: str, finding: AxisFinding) -> str | None:
+def _odd(triad: str, own: AxisFinding) -> Finding | None:
     name = NAMES[triad]
-    if finding.axes is None:
+    if own.axes is None:
         return None
     if triad == "device_q":
-        usual = finding.axes == AS_DOCUMENTED
-        return None if usual else f"its quaternion fits the motion only when read as {finding.axes}"
+        usual = own.axes == AS_DOCUMENTED
+        return None if usual else finding("axes.quaternion", reading=own.axes)
     if triad == "mag":
-        return (
-            None if finding.axes == STRAIGHT else _two_readings(finding.axes, finding.field_dip_deg)
-        )
-    if finding.gain is not None and not 0.8 < finding.gain < 1.25:
+        return None if own.axes == STRAIGHT else _two_readings(own.axes, own.field_dip_deg)
+    if own.gain is not None and not 0.8 < own.gain < 1.25:
         factor, why = GAINS.get(triad, (0.0, ""))
-        guess = f": {why}" if factor and 0.8 < finding.gain / factor < 1.25 else ""
-        return f"its {name} reads {finding.gain:.3g} times what the arm did{guess}"
-    if (
-        finding.axes != STRAIGHT
-        and finding.crooked_deg is not None
-        and finding.crooked_deg < MOST_CROOKED_DEG
-    ):
-        mirrored = "" if finding.right_handed else ", which mirrors the sensor: one sign is wrong"
-        return (
-            f"its {name} has other axes than its mounting says; the motion fits "
-            f"'{finding.axes}'{mirrored}"
-        )
+        if factor and 0.8 < own.gain / factor < 1.25:
+            return finding("axes.gain_of_unit", triad=name, gain=own.gain, cause=why)
+        return finding("axes.gain", triad=name, gain=own.gain)
+    if own.axes != STRAIGHT and own.crooked_deg is not None and own.crooked_deg < MOST_CROOKED_DEG:
+        code = "axes.other" if own.right_handed else "axes.mirrored"
+        return finding(code, triad=name, axes=own.axes)
     return None
 
 
@@ -127,19 +120,12 @@ LEVEL_DEG = 5.0
 """A field that dips by less does not tell which way is up [deg]."""
 
 
-def _two_readings(axes: str, dip_deg: float | None) -> str:
+def _two_readings(axes: str, dip_deg: float | None) -> Finding:
     reversed_axes = axes.translate(str.maketrans("+-", "-+"))
-    fits = (
-        f"its magnetometer has other axes than its mounting says; it fits '{axes}' or that "
-        "with all signs reversed, "
-    )
     if dip_deg is None or abs(dip_deg) < LEVEL_DEG:
-        return f"{fits}'{reversed_axes}'"
+        return finding("axes.field_level", axes=axes, reversed=reversed_axes)
     down, up = (axes, reversed_axes) if dip_deg > 0 else (reversed_axes, axes)
-    return (
-        f"{fits}'{reversed_axes}': '{down}' if the field points down there, as in the north, "
-        f"'{up}' if it points up"
-    )
+    return finding("axes.field", axes=axes, reversed=reversed_axes, down=down, up=up)
 
 
 def true_rates(

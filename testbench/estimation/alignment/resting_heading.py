@@ -8,6 +8,8 @@ from testbench.estimation.filters import OrientationFilter
 from testbench.estimation.signals.segmentation import intervals_of
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 
 LEAST_REST_S, LONGEST_CHUNK_S = 1.0, 5.0
 """Shortest still interval that counts, and the longest chunk of one: a heading that turns once
@@ -50,10 +52,10 @@ def resting_drift(
     return float(np.median(np.abs(turned) * NANOSECONDS / (time_ns[j] - time_ns[i])))
 
 
-def drift_remark(
+def drift_finding(
     kind: OrientationFilter, q: np.ndarray, time_ns: np.ndarray, resting: np.ndarray
-) -> str | None:
-    """A sentence on a filter without magnetometer whose heading turns while the sensor rests.
+) -> Finding | None:
+    """Of a filter without magnetometer whose heading turns while the sensor rests.
 
     Args:
         kind: The filter.
@@ -62,7 +64,7 @@ def drift_remark(
         resting: Whether the sensor is at rest, shape (n,), bool.
 
     Returns:
-        The sentence; None where the heading stays.
+        What is seen; None where the heading stays.
     """
     if "mag" in kind.needs:
         return None
@@ -70,10 +72,8 @@ def drift_remark(
     drift = resting_drift(q, time_ns, resting) if rest >= ENOUGH_REST_S else None
     if drift is None or not drift > LEAST_DRIFT:
         return None
-    return (
-        f"{kind.name}: its heading turns by {np.degrees(drift):.2g} deg/s while the sensor rests "
-        f"(median over {rest:.0f} s of "
-        "rest); angles that see a heading carry that"
+    return finding(
+        "heading.drifts", filter=kind.name, rate_deg_s=float(np.degrees(drift)), rest_s=rest
     )
 
 

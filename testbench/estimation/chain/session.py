@@ -24,6 +24,8 @@ from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.disk.tables import read_parquet
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.estimate import CalibrationFit, ClockFit, SensorEstimate
 from testbench.records.session.layout import PLAN
@@ -90,7 +92,7 @@ def estimate_chain(
     recording: ChainRecording | None,
     sensors: Mapping[str, SensorEstimate],
     wanted: ChainEstimation,
-) -> tuple[list[ChainEstimate], list[str]]:
+) -> tuple[list[ChainEstimate], list[Finding]]:
     """Joints of the arm over every section asked for, by every state asked for.
 
     Args:
@@ -99,20 +101,21 @@ def estimate_chain(
         wanted: The protocol's wishes.
 
     Returns:
-        The estimates, and remarks on sections that could not be estimated.
+        The estimates, and what is to be said of sections that could not be estimated.
     """
     if recording is None:
-        return [], ["the chain was not estimated: the recording has no arm and no plan"]
+        return [], [finding("chain.no_arm")]
     names = wanted.sensors or list(sensors)
     evaluated = [step.section for step in recording.run.steps if step.role == "evaluation"]
-    estimates, remarks = [], []
+    estimates, findings = [], []
     for section in wanted.sections or list(dict.fromkeys(evaluated)):
         try:
             part = _Section(recording, sensors, names, wanted, section)
             estimates += [part.estimate(state) for state in wanted.states]
         except InputError as error:
-            remarks.append(f"chain, section {section}: {error}")
-    return estimates, remarks
+            where = f"chain, section {section}"
+            findings.append(finding("chain.not_estimated", where, why=str(error)))
+    return estimates, findings
 
 
 class _Section:

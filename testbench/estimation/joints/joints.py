@@ -13,6 +13,7 @@ from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series, segment_orientation
 from testbench.model.reference_step import aligned_instant
 from testbench.model.statistics.least_squares import PoorExcitation
+from testbench.records.findings.catalogue import finding
 from testbench.records.results.estimate import JointEstimate, SensorEstimate, as_kept
 from testbench.records.specs.protocol import JointDefinition
 
@@ -78,15 +79,10 @@ def _constrained(
     try:
         track = track_heading(found.host_time_ns, q_proximal, q_distal, joint.constraint, start_ns)
     except PoorExcitation as error:
-        found.remarks.append(
-            f"{key}: its axes do not tell the heading, which stays as it is: {error}"
-        )
+        found.findings.append(finding("joint.axes_do_not_tell", filter=key, why=str(error)))
         return q_distal
     sd_deg = float(np.degrees(np.median(track.sd)))
     if sd_deg > VAGUE_DEG:
-        found.remarks.append(
-            f"{key}: its axes hardly tell the heading (standard deviation {sd_deg:.0f} deg, "
-            "median): they are often vertical"
-        )
+        found.findings.append(finding("joint.axes_hardly_tell", filter=key, sd_deg=sd_deg))
     found.headings[key] = track
     return rotation.multiply(rotation.from_heading(track.heading), q_distal)

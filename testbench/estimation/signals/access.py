@@ -22,7 +22,7 @@ from testbench.estimation.signals.quality import (
     Quality,
     Traits,
     assess,
-    remarks_on,
+    findings_on,
     sample_flags,
 )
 from testbench.estimation.signals.timing import (
@@ -217,7 +217,7 @@ class PiecewiseRecording(SampleAccess):
                 rows = (done + np.flatnonzero(flag)) // self.every
                 own[rows[rows < len(own)]] = True
             done += len(next(iter(flags.values())))
-        return Quality(kept, remarks_on(self.samples, static & ~kept["not finite"]), numbers)
+        return Quality(kept, findings_on(self.samples, static & ~kept["not finite"]), numbers)
 
     def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
         """See SampleAccess."""

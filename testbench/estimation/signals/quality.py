@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples
 
 STUCK_SAMPLES = 5
@@ -30,13 +32,13 @@ class Quality:
 
     Attributes:
         flags: Samples by reason, each of shape (n,), bool; flagged samples are not evaluated.
-        remarks: Sentences on what is odd but excludes nothing.
+        findings: What is odd but excludes nothing.
         numbers: Samples refused by each gate, where the flags stand for several samples each; None
             to count the flags.
     """
 
     flags: dict[str, np.ndarray]
-    remarks: list[str]
+    findings: list[Finding]
     numbers: dict[str, int] | None = None
 
     @property
@@ -141,7 +143,7 @@ def assess(
         **sample_flags(samples, Traits(has_noise).add(samples)),
         "after a gap": AfterGaps()(time_ns),
     }
-    return Quality(flags, remarks_on(samples, static & ~flags["not finite"]))
+    return Quality(flags, findings_on(samples, static & ~flags["not finite"]))
 
 
 def sample_flags(samples: ImuSamples, traits: Traits) -> dict[str, np.ndarray]:
@@ -185,29 +187,23 @@ def _runs(mask: np.ndarray, length: int) -> np.ndarray:
     return result
 
 
-def remarks_on(samples: ImuSamples, rest: np.ndarray) -> list[str]:
-    """Sentences on what is odd about readings at rest and about the magnetic field.
+def findings_on(samples: ImuSamples, rest: np.ndarray) -> list[Finding]:
+    """What is odd about readings at rest and about the magnetic field.
 
     Args:
         samples: As recorded.
         rest: Whether each is at rest and sound, shape (n,), bool.
     """
-    remarks = []
+    found = []
     norm = np.linalg.norm(samples.acc[rest], axis=1)
     norm = norm[np.isfinite(norm)]
     if len(norm) and abs(norm.mean() / STANDARD_GRAVITY - 1) > REST_TOLERANCE:
-        remarks.append(
-            f"at rest the specific force is {norm.mean():.2f} m/s^2, "
-            f"{norm.mean() / STANDARD_GRAVITY:.3f} g"
-        )
+        mean = float(norm.mean())
+        found.append(finding("rest.norm", norm_m_s2=mean, norm_g=mean / STANDARD_GRAVITY))
     if samples.mag is not None and np.isfinite(samples.mag).any():
         field = np.linalg.norm(samples.mag, axis=1)
         usual = float(np.nanmedian(field))
         disturbed = float(np.mean(np.abs(field - usual) > FIELD_TOLERANCE * usual))
         if disturbed > 0.01:
-            remarks.append(
-                f"the magnetic field differs from its median of {usual:.1f} uT by over 20 % in "
-                f"{100 * disturbed:.0f} % of the "
-                "samples"
-            )
-    return remarks
+            found.append(finding("field.norm", usual_ut=usual, disturbed_percent=100 * disturbed))
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -35,7 +36,13 @@ Array = Annotated[np.ndarray, PlainValidator(_array)]
 """An array of such numbers, of whatever shape."""
 
 
-def read_record(file: Path, kind: TypeAdapter[T], version: int, remedy: str) -> T:
+def read_record(
+    file: Path,
+    kind: TypeAdapter[T],
+    version: int,
+    remedy: str,
+    upgrade: Callable[[dict[str, Any]], None] | None = None,
+) -> T:
     """Read a result.
 
     Args:
@@ -43,6 +50,8 @@ def read_record(file: Path, kind: TypeAdapter[T], version: int, remedy: str) -> 
         kind: What it holds.
         version: Of the schema, that is read.
         remedy: What to do where it cannot be read.
+        upgrade: Brings what an earlier version of the bench wrote into the form of this one, in
+            place; None where none is needed.
 
     Raises:
         SessionError: It is missing or damaged, or was written by another version.
@@ -55,6 +64,8 @@ def read_record(file: Path, kind: TypeAdapter[T], version: int, remedy: str) -> 
         raise SessionError(
             f"{file} is of schema {found!r:.50}; this version reads {version}: {remedy}"
         )
+    if upgrade is not None:
+        upgrade(data)
     try:
         return kind.validate_python(data)
     except ValidationError as error:

@@ -17,6 +17,8 @@ from testbench.records.disk.json_file import write_json
 from testbench.records.disk.json_record import AS_WRITTEN, Array, Number, read_record
 from testbench.records.disk.replacing import replaced_folder, stored
 from testbench.records.disk.tables import read_parquet, read_stacked, write_parquet
+from testbench.records.findings.earlier import sentences_to_findings
+from testbench.records.findings.finding import Finding
 from testbench.records.results.chain import ChainEstimate, ChainFacts
 from testbench.records.results.tuning import UsedTuning
 from testbench.records.session.layout import (
@@ -226,7 +228,7 @@ class SensorFits:
         frames: The alignment of each filter.
         skipped: Filters that could not run, and why.
         quality: Number of samples by reason.
-        remarks: What else is odd.
+        findings: What else is odd.
         timing: Audit of the time stamps.
         every: The estimate holds one of so many samples of the recording, the last of them; 1 but
             for recordings of hours.
@@ -240,7 +242,7 @@ class SensorFits:
     frames: dict[str, FrameFit] = field(default_factory=dict)
     skipped: dict[str, str] = field(default_factory=dict)
     quality: dict[str, int] = field(default_factory=dict)
-    remarks: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     timing: TimingAudit = field(default_factory=TimingAudit)
     every: int = 1
     axes: dict[str, AxisFinding] = field(default_factory=dict)
@@ -286,13 +288,13 @@ class JointEstimate:
         angles: The three intrinsic Euler angles of the distal segment against the proximal one by
             (filter, sequence), shape (n, 3) [rad].
         headings: What the joint's axes took out, by filter.
-        remarks: On what is doubtful.
+        findings: What is doubtful.
     """
 
     host_time_ns: np.ndarray
     angles: dict[tuple[str, str], np.ndarray]
     headings: dict[str, RelativeHeading] = field(default_factory=dict)
-    remarks: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
 
     def heading_series(self) -> dict[str, np.ndarray]:
         """Columns of what the joint's axes took out."""
@@ -315,7 +317,7 @@ class Estimate:
         filter_parameters: Those each filter ran with.
         tuned: Where they came from, of filters that were tuned.
         chain: Joints of the arm by the chain filter, by section and state.
-        remarks: What is doubtful about the whole.
+        findings: What is doubtful about the whole.
         behaviour: What the catalogue says of each filter that ran, in a sentence.
         set_parameters: Names of those that a person set for this estimate, by filter.
     """
@@ -327,7 +329,7 @@ class Estimate:
     filter_parameters: dict[str, dict[str, float]] = field(default_factory=dict)
     tuned: dict[str, UsedTuning] = field(default_factory=dict)
     chain: list[ChainEstimate] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     behaviour: dict[str, str] = field(default_factory=dict)
     set_parameters: dict[str, list[str]] = field(default_factory=dict)
 
@@ -361,7 +363,7 @@ class Estimate:
                             {"filter": key, "sequence": label} for key, label in joint.angles
                         ],
                         "headings": list(joint.headings),
-                        "remarks": joint.remarks,
+                        "findings": joint.findings,
                     }
                     for name, joint in self.joints.items()
                 },
@@ -394,6 +396,7 @@ class Estimate:
             _as_written(),
             SCHEMA_VERSION,
             "run `testbench estimate` again",
+            _upgrade,
         )
         return Estimate(
             sensors={
@@ -417,7 +420,7 @@ class _EstimateHead:
     fingerprint: str
     filter_parameters: dict[str, dict[str, float]]
     tuned: dict[str, UsedTuning] = field(default_factory=dict)
-    remarks: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     behaviour: dict[str, str] = field(default_factory=dict)
     set_parameters: dict[str, list[str]] = field(default_factory=dict)
 
@@ -437,7 +440,7 @@ class _Angle:
 class _JointSummary:
     angles: list[_Angle]
     headings: list[str]
-    remarks: list[str]
+    findings: list[Finding]
 
 
 @with_config(AS_WRITTEN)
@@ -448,6 +451,18 @@ class _Summary(_EstimateHead):
     sensors: dict[str, _SensorSummary]
     joints: dict[str, _JointSummary]
     chain: list[ChainFacts]
+
+
+def _upgrade(data: dict[str, Any]) -> None:
+    """Findings in the place of the remarks of earlier versions."""
+    parts = [part for key in ("sensors", "joints") for part in _values(data.get(key))]
+    for part in [data, *parts]:
+        if isinstance(part, dict):
+            sentences_to_findings(part, "remarks")
+
+
+def _values(mapping: Any) -> list[Any]:
+    return list(mapping.values()) if isinstance(mapping, dict) else []
 
 
 @cache
@@ -503,7 +518,7 @@ def _read_joint(file: Path, summary: _JointSummary) -> JointEstimate:
         key: RelativeHeading(*(table[column] for column in _heading_columns(key)))
         for key in summary.headings
     }
-    return JointEstimate(table["host_time_ns"], angles, headings, summary.remarks)
+    return JointEstimate(table["host_time_ns"], angles, headings, summary.findings)
 
 
 def _orientation_columns(key: str) -> list[str]:

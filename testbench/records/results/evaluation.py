@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,8 @@ from testbench.records.disk.json_file import plain_values, read_json, write_json
 from testbench.records.disk.json_record import AS_WRITTEN, Number, read_record
 from testbench.records.disk.replacing import replaced_folder, stored
 from testbench.records.disk.tables import read_parquet, write_parquet
+from testbench.records.findings.earlier import sentences_to_findings
+from testbench.records.findings.finding import Finding
 from testbench.records.results.evaluation_rows import (
     Comparison,
     CycleRow,
@@ -312,7 +314,7 @@ class ResultTables:
     Attributes:
         joint_angle: Flexion errors by pose and sweep.
         orientation: Orientation errors by sensor and filter.
-        notes: What a reader must know, as sentences.
+        findings: What a reader must know.
         noise: Of the sensors at rest.
         euler_ranges: How far the sensors' own Euler angles went.
         joint_summary: Flexion errors of whole sections, static and dynamic, with confidence.
@@ -344,7 +346,7 @@ class ResultTables:
 
     joint_angle: list[JointRow] = field(default_factory=list)
     orientation: list[OrientationRow] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     noise: list[NoiseRow] = field(default_factory=list)
     euler_ranges: list[EulerRangeRow] = field(default_factory=list)
     joint_summary: list[JointSummary] = field(default_factory=list)
@@ -362,6 +364,11 @@ class ResultTables:
     outliers: list[OutlierRow] = field(default_factory=list)
     magnetic_following: list[FieldFollowingRow] = field(default_factory=list)
     cycles: list[CycleRow] = field(default_factory=list)
+
+    @property
+    def notes(self) -> list[str]:
+        """The findings as sentences."""
+        return [str(finding) for finding in self.findings]
 
     @staticmethod
     def joined(parts: Iterable[ResultTables]) -> ResultTables:
@@ -409,7 +416,8 @@ class Evaluation(ResultTables):
 
     def _document(self) -> dict[str, Any]:
         names = ("session", "outcome", "metrics", *TABLES)
-        return {"schema_version": SCHEMA_VERSION} | {name: getattr(self, name) for name in names}
+        head = {"schema_version": SCHEMA_VERSION, "notes": self.notes}
+        return head | {name: getattr(self, name) for name in names}
 
     def save(self, session_folder: Path) -> None:
         """Write evaluation.json and the error signals, in place of earlier ones."""
@@ -442,6 +450,7 @@ class Evaluation(ResultTables):
             _as_written(),
             SCHEMA_VERSION,
             "run `testbench evaluate` again",
+            partial(sentences_to_findings, key="notes"),
         )
         tables = sorted((session_folder / EVALUATION).glob(table_file("*")))
         return replace(found, series={path.stem: read_parquet(path) for path in tables})

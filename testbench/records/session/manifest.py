@@ -17,12 +17,15 @@ from pydantic import (
     Field,
     PrivateAttr,
     StringConstraints,
+    TypeAdapter,
     ValidationError,
 )
 
 from testbench.exceptions import SessionError
 from testbench.records.disk.json_file import plain_values, read_json, write_json
 from testbench.records.disk.json_record import first_problem
+from testbench.records.findings.earlier import sentences_to_findings
+from testbench.records.findings.finding import Finding
 from testbench.records.session.arm_record import MODEL, RECORDED_MOTION, REPORTED_MOTION, ArmRecord
 from testbench.records.session.layout import MANIFEST
 from testbench.records.specs.strict import EARLIER_NAME_PATTERN
@@ -211,6 +214,13 @@ def _several(source: Any) -> Any:
     return [source] if isinstance(source, str) else source
 
 
+_FINDINGS = TypeAdapter(list[Finding])
+
+
+def _findings(written: Any) -> list[Finding]:
+    return _FINDINGS.validate_python(written)  # not strict: JSON has no severities
+
+
 class Manifest(_Part):
     """The content of manifest.json; docs/session_format.md says what each key means.
 
@@ -244,12 +254,17 @@ class Manifest(_Part):
     plan: PlanRecord = PlanRecord()
     format: str | None = None
     source: Annotated[list[str], BeforeValidator(_several)] = []
-    notes: list[str] = []
+    findings: Annotated[list[Finding], BeforeValidator(_findings)] = []
     samples: dict[str, int] = {}
     analysis: dict[str, Any] = {}
     files: dict[str, str] = {}
 
     _content: dict[str, Any] = PrivateAttr(default_factory=dict)
+
+    @property
+    def notes(self) -> list[str]:
+        """The findings as sentences."""
+        return [str(finding) for finding in self.findings]
 
     @property
     def content(self) -> dict[str, Any]:
@@ -275,6 +290,8 @@ class Manifest(_Part):
                 f"{file.parent} has session schema {version!r:.50}; this version reads up to "
                 f"{SCHEMA_VERSION}"
             )
+        content = dict(content)
+        sentences_to_findings(content, "notes")
         try:
             manifest = Manifest.model_validate(content)
         except ValidationError as error:

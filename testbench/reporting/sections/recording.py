@@ -25,9 +25,9 @@ def recording_section(estimate: Estimate, evaluation: Evaluation | None) -> Sect
     section = Section("recording", "Recording")
     section.blocks += [_timing(estimate), _quality(estimate)]
     section.blocks += [
-        Sentence(f"{name}: {remark}.")
+        Sentence(f"{found.at(name)}.")
         for name, sensor in estimate.sensors.items()
-        for remark in sensor.remarks
+        for found in sensor.findings
     ]
     if evaluation is not None and evaluation.noise:
         section.blocks.append(_noise(evaluation.noise))

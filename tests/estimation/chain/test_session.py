@@ -138,7 +138,9 @@ def test_a_section_without_rest_before_it_is_remarked_on_and_left_out(altered_pr
     session = execute(plan(altered_protocol("pendulum", restless)), tmp_path, seed=2)
     estimated = estimate(session)
     assert estimated.chain == []
-    assert any("section swing: no rest comes before it" in remark for remark in estimated.remarks)
+    assert any(
+        "section swing: no rest comes before it" in str(found) for found in estimated.findings
+    )
     assert any("no rest comes before it" in note for note in evaluate(session, estimated).notes)
 
 

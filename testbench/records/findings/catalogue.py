@@ -1,0 +1,50 @@
+"""The catalogue of findings: one template a code, so that a sentence is written in one place."""
+
+from __future__ import annotations
+
+from testbench.records.findings.finding import Finding, Severity, Value
+from testbench.records.findings.words import estimation, evaluation, general, recording
+from testbench.records.findings.words.template import Template
+
+SUBJECTS: tuple[dict[str, Template], ...] = (
+    general.TEMPLATES,
+    estimation.TEMPLATES,
+    evaluation.TEMPLATES,
+    recording.TEMPLATES,
+)
+"""The templates by subject, one module each."""
+TEMPLATES: dict[str, Template] = {code: own for part in SUBJECTS for code, own in part.items()}
+NOTED = "general.noted"
+
+
+def finding(code: str, where: str = "", **values: Value) -> Finding:
+    """A finding, its sentence by the template of its code.
+
+    Args:
+        code: Of the template.
+        where: What it speaks of: a sensor, a joint, a file and line; "" for the whole session.
+        values: What the template names; numbers in the unit that the name ends in.
+
+    Raises:
+        KeyError: No such template, or it names a value that is not given.
+    """
+    template = TEMPLATES[code]
+    shown = {
+        name: ", ".join(value) if isinstance(value, list) else value
+        for name, value in values.items()
+    }
+    parts = [template.seen.format(**shown), template.means.format(**shown)]
+    sentence = " - ".join(part for part in parts if part)
+    remedy = template.remedy.format(**shown)
+    return Finding(code, template.severity, where, sentence, dict(values), remedy)
+
+
+def noted(text: str, where: str = "", severity: Severity = Severity.NOTE) -> Finding:
+    """A finding in words of a session that was written before there were codes.
+
+    Args:
+        text: The sentence.
+        where: What it speaks of.
+        severity: How much it weighs.
+    """
+    return Finding(NOTED, severity, where, text)

@@ -1,0 +1,23 @@
+"""What was written before findings had codes: plain sentences."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from testbench.records.findings.catalogue import NOTED
+from testbench.records.findings.finding import Severity
+
+
+def sentences_to_findings(data: dict[str, Any], key: str) -> None:
+    """Put findings in the place of sentences, in a mapping that was read from JSON.
+
+    Args:
+        data: Is changed; sentences that stand beside findings only repeat them and are dropped.
+        key: Of the sentences, such as "notes".
+    """
+    sentences = data.pop(key, [])
+    if "findings" not in data and isinstance(sentences, list):
+        data["findings"] = [
+            {"code": NOTED, "severity": Severity.NOTE, "where": "", "sentence": sentence}
+            for sentence in sentences
+        ]

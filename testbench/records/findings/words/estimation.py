@@ -1,0 +1,89 @@
+"""Findings of `estimate`: clocks, gates, calibration, alignment, filters, joints, chains."""
+
+from __future__ import annotations
+
+from testbench.records.findings.words.template import NOTE, WARNING, Template
+
+TEMPLATES = {
+    "rest.norm": Template(
+        WARNING,
+        "at rest the specific force is {norm_m_s2:.2f} m/s^2, {norm_g:.3f} g",
+    ),
+    "field.norm": Template(
+        WARNING,
+        "the magnetic field differs from its median of {usual_ut:.1f} uT by over 20 % in "
+        "{disturbed_percent:.0f} % of the samples",
+    ),
+    "clock.unfitted": Template(
+        WARNING,
+        "its clock could not be fitted to the motion",
+        "it is late by the unknown latency of its samples",
+    ),
+    "calibration.poses_moving": Template(
+        WARNING,
+        "{left_out} of {planned} calibration poses were not at rest and were left out",
+    ),
+    "calibration.stored": Template(
+        NOTE,
+        "its raw samples were first corrected by a stored calibration ({origin}, {methods}; "
+        "{match})",
+    ),
+    "calibration.stored_undated": Template(
+        WARNING,
+        "its raw samples were first corrected by a stored calibration ({origin}, {methods}; "
+        "{match}; when the session was recorded, and how long from that, is unknown)",
+    ),
+    "calibration.none_of_this_sensor": Template(
+        WARNING,
+        "no stored calibration is of this sensor; its raw samples were left as they are",
+    ),
+    "recording.long": Template(
+        NOTE,
+        "a long recording: its estimates are kept, and judged, at one of {every} samples",
+    ),
+    "axes.quaternion": Template(
+        WARNING, "its quaternion fits the motion only when read as {reading}"
+    ),
+    "axes.gain": Template(WARNING, "its {triad} reads {gain:.3g} times what the truth did"),
+    "axes.gain_of_unit": Template(
+        WARNING, "its {triad} reads {gain:.3g} times what the truth did", "{cause}"
+    ),
+    "axes.other": Template(
+        WARNING,
+        "its {triad} has other axes than its mounting says; the motion fits '{axes}'",
+    ),
+    "axes.mirrored": Template(
+        WARNING,
+        "its {triad} has other axes than its mounting says; the motion fits '{axes}', which "
+        "mirrors the sensor: one sign is wrong",
+    ),
+    "axes.field_level": Template(
+        WARNING,
+        "its magnetometer has other axes than its mounting says; it fits '{axes}' or that with "
+        "all signs reversed, '{reversed}'",
+    ),
+    "axes.field": Template(
+        WARNING,
+        "its magnetometer has other axes than its mounting says; it fits '{axes}' or that with "
+        "all signs reversed, '{reversed}': '{down}' if the field points down there, as in the "
+        "north, '{up}' if it points up",
+    ),
+    "frames.doubt": Template(WARNING, "{filter}: {doubt}"),
+    "heading.drifts": Template(
+        WARNING,
+        "{filter}: its heading turns by {rate_deg_s:.2g} deg/s while the sensor rests (median "
+        "over {rest_s:.0f} s of rest); angles that see a heading carry that",
+    ),
+    "joint.axes_do_not_tell": Template(
+        WARNING, "{filter}: its axes do not tell the heading, which stays as it is: {why}"
+    ),
+    "joint.axes_hardly_tell": Template(
+        WARNING,
+        "{filter}: its axes hardly tell the heading (standard deviation {sd_deg:.0f} deg, "
+        "median): they are often vertical",
+    ),
+    "chain.no_arm": Template(
+        WARNING, "the chain was not estimated: the recording has no arm and no plan"
+    ),
+    "chain.not_estimated": Template(WARNING, "{why}"),
+}

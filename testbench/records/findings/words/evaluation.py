@@ -1,0 +1,87 @@
+"""Findings of the stage `evaluate`: what was not judged, and what its results rest on."""
+
+from __future__ import annotations
+
+from testbench.records.findings.words.template import NOTE, WARNING, Template
+
+TEMPLATES = {
+    "plan.warning": Template(WARNING, "{text}"),
+    "plan.reference": Template(WARNING, "{text}"),
+    "run.incomplete": Template(WARNING, "{how}: {message}"),
+    "run.resumed": Template(NOTE, "this session {goes_on}"),
+    "judged.no_step": Template(
+        WARNING, "no step of the protocol was finished, so there is nothing to judge"
+    ),
+    "judged.unmeasured": Template(WARNING, "{metric} by {filter} has a limit but was not measured"),
+    "judged.no_uncertainty": Template(
+        WARNING,
+        "{metric} by {filter}{section} is marginal and cannot pass, for the uncertainty of the "
+        "truth is not known: {why}",
+    ),
+    "judged.filter_left_out": Template(NOTE, "{filter} was left out: {why}"),
+    "judged.samples_left_out": Template(WARNING, "{count} samples left out: {reason}"),
+    "judged.no_truth": Template(NOTE, "no truth, so its orientation is not judged"),
+    "judged.no_truth_of_joint": Template(NOTE, "no truth, so its angle is not judged"),
+    "judged.truth_jumps": Template(WARNING, "{count} orientations of the truth left out: jumps"),
+    "judged.steps_left_out": Template(WARNING, "{lost} of {planned} {kind} not judged: {reasons}"),
+    "judged.few_samples": Template(WARNING, "only {judged} of {planned} samples judged: {reasons}"),
+    "judged.few_samples_of_others": Template(
+        WARNING, "only {judged} of {planned} samples of the others judged: {reasons}"
+    ),
+    "filter.tuned": Template(NOTE, "{filter} ran with {parameters}, tuned for {objective} on {on}"),
+    "filter.tuned_here": Template(
+        WARNING,
+        "{filter} was tuned on this session: its errors here are those of a fit, not of a test",
+    ),
+    "filter.set": Template(NOTE, "{filter} ran with {parameters}, set for this estimate"),
+    "arm_time.early": Template(
+        WARNING,
+        "arm time is doubtful by {lead_s:.2g} s: in {early} of {steps} steps the arm moves before "
+        "it was commanded, so the truth does not belong to the sensors' samples",
+    ),
+    "arm_time.missed": Template(
+        WARNING,
+        "of the controller's samples {missed} ({share_percent:.2g} %) did not come, the longest "
+        "gap is {gap_s:.2g} s; the truth is not known in gaps beyond {widest_s:g} s",
+    ),
+    "arm_time.step": Template(
+        WARNING,
+        "the clocks of controller and bench parted by {by_s:.2g} s before {at_s:.1f} s: the arm's "
+        "times are right from there on, and wrong by as much before, at most since the last "
+        "motion began",
+    ),
+    "arm_time.doubtful": Template(
+        WARNING,
+        "arm time is doubtful by {lead_s:.2g} s at {at_s:.1f} s: a motion seemed to begin before "
+        "it was commanded",
+    ),
+    "chain.no_true_angles": Template(
+        WARNING, "not judged, for no arm reported the true angles of its joints"
+    ),
+    "chain.no_sample": Template(
+        WARNING,
+        "not judged, for no sample is left: settling_s leaves out as much as its steps last, or "
+        "none was finished",
+    ),
+    "chain.overconfident": Template(
+        WARNING,
+        "the uncertainties that it states are too small for {low} of {joints} joints: 1.96 of "
+        "them cover {covered_percent:.0f} % of the errors of {worst}, where 95 % would be honest",
+    ),
+    "cycles.duration": Template(
+        WARNING,
+        "the sweep '{step}' lasted {lasted_s:.2f} s where {planned_s:.2f} s were planned, so that "
+        "nobody knows where its cycles begin: they are not averaged",
+    ),
+    "cycles.too_few": Template(
+        NOTE,
+        "no average cycle of {missing} of {sweeps} sweeps: fewer than {least} of their cycles are "
+        "judged from end to end, or the angle hardly changes",
+    ),
+    "cycles.unlike": Template(
+        WARNING,
+        "the true angle of {joint} in step {step} differs from one cycle of {period_s:.3g} s to "
+        "the next by {sd_deg:.2f} deg (standard deviation) of a range of {range_deg:.1f} deg: it "
+        "is not periodic as planned, and its average cycle says little",
+    ),
+}

@@ -1,0 +1,55 @@
+"""Findings: one record, its sentence by one template a code."""
+
+from __future__ import annotations
+
+import json
+from string import Formatter
+
+import pytest
+
+from testbench.records.findings.catalogue import SUBJECTS, TEMPLATES, finding, noted
+from testbench.records.findings.earlier import sentences_to_findings
+from testbench.records.findings.finding import Severity, told_once
+
+
+def test_every_code_stands_once_and_names_its_subject() -> None:
+    codes = [code for part in SUBJECTS for code in part]
+    assert len(codes) == len(set(codes)) == len(TEMPLATES)
+    assert all(code.count(".") == 1 and all(code.split(".")) for code in codes)
+
+
+@pytest.mark.parametrize("code", sorted(TEMPLATES))
+def test_every_template_is_a_sentence_of_named_values(code) -> None:
+    template = TEMPLATES[code]
+    for text in (template.seen, template.means, template.remedy):
+        names = [name for _, name, _, _ in Formatter().parse(text) if name is not None]
+        assert all(name.isidentifier() for name in names)
+        assert text == text.strip() and not text.endswith(".")
+    assert template.seen
+
+
+def test_a_finding_says_where_what_and_keeps_its_values() -> None:
+    found = finding("judged.samples_left_out", "hand", count=3, reason="stuck")
+    assert str(found) == "hand: 3 samples left out: stuck"
+    assert found.values == {"count": 3, "reason": "stuck"}
+    assert found.severity is Severity.WARNING
+    assert found.at("elsewhere") is found
+    assert str(finding("clock.unfitted").at("hand")).startswith("hand: its clock could not be")
+
+
+def test_a_value_that_the_template_names_must_be_given() -> None:
+    with pytest.raises(KeyError):
+        finding("judged.samples_left_out", "hand", count=3)
+
+
+def test_lines_that_repeat_themselves_are_told_once() -> None:
+    assert told_once([noted("a"), noted("b"), noted("a")]) == [noted("a"), noted("b")]
+
+
+def test_sentences_of_earlier_versions_become_findings() -> None:
+    data = json.loads('{"notes": ["a", "b"]}')
+    sentences_to_findings(data, "notes")
+    assert [own["sentence"] for own in data["findings"]] == ["a", "b"] and "notes" not in data
+    both = {"notes": ["a"], "findings": []}
+    sentences_to_findings(both, "notes")
+    assert both == {"findings": []}
