@@ -140,25 +140,28 @@ class TextTable:
         at = {name: f"c{self.names.index(name)}" for name in kinds}
         types = {"float": pa.float64(), "integer": pa.int64(), "clock": pa.string()}
         done = 0
+        layout = (
+            arrow_csv.ReadOptions(
+                column_names=[f"c{i}" for i in range(self._width)],
+                block_size=2 * BLOCK_BYTES,
+                use_threads=False,
+            ),
+            arrow_csv.ParseOptions(delimiter=self.separator),
+            arrow_csv.ConvertOptions(
+                include_columns=list(at.values()),
+                column_types={at[name]: types[kind] for name, kind in kinds.items()},
+                null_values=MISSING,
+                strings_can_be_null=True,
+                decimal_point=self.decimal,
+            ),
+        )
         try:
-            with self._stream() as stream, pa.PythonFile(stream, mode="r") as source:
-                reader = arrow_csv.open_csv(
-                    source,
-                    arrow_csv.ReadOptions(
-                        column_names=[f"c{i}" for i in range(self._width)],
-                        block_size=BLOCK_BYTES,
-                        use_threads=False,
-                    ),
-                    arrow_csv.ParseOptions(delimiter=self.separator),
-                    arrow_csv.ConvertOptions(
-                        include_columns=list(at.values()),
-                        column_types={at[name]: types[kind] for name, kind in kinds.items()},
-                        null_values=MISSING,
-                        strings_can_be_null=True,
-                        decimal_point=self.decimal,
-                    ),
-                )
-                for batch in reader:
+            with self._stream() as stream:
+                for block in stream.blocks(BLOCK_BYTES):
+                    # by hand and not by open_csv: its thread that reads ahead calls Python, and
+                    # where the reading breaks off aborts the interpreter at its end
+                    table = arrow_csv.read_csv(pa.BufferReader(block), *layout)
+                    batch = table.combine_chunks().to_batches()[0]
                     columns = {
                         name: self._array(batch.column(at[name]), kind, done, name)
                         for name, kind in kinds.items()
