@@ -17,6 +17,9 @@ from testbench.formats.units import SECONDS, TimeUnit
 from testbench.frames import NANOSECONDS
 
 DAY_S = 86_400
+YEAR_NS = 365 * DAY_S * NANOSECONDS
+LATEST_NS = 140 * YEAR_NS
+"""The year 2109 of Unix times; 64 bits hold twice as much."""
 LONGEST_LOSS = 2000
 """A counter that seems to go back may have wrapped if fewer samples than this are missing then."""
 
@@ -60,7 +63,7 @@ class CounterUnwrapper:
 
     def __init__(self) -> None:
         self._raw: int | None = None
-        self._wrapped = 0
+        self._wrapped = self._highest = 0
 
     def __call__(self, raw: np.ndarray) -> np.ndarray:
         """Shape (n,), int64; a step back that no wrap explains stays one."""
@@ -69,10 +72,11 @@ class CounterUnwrapper:
             return raw
         steps = np.diff(raw, prepend=raw[0] if self._raw is None else self._raw)
         wraps = np.zeros(len(raw), dtype=np.int64)
+        highest = np.maximum(np.maximum.accumulate(raw), self._highest)
+        self._highest = int(highest[-1])
         for i in np.flatnonzero(steps < 0):
-            for bits in (8, 16, 32):
-                before = raw[i] - steps[i]
-                if before < 1 << bits and 0 < steps[i] + (1 << bits) <= min(
+            for bits in (8, 16, 32):  # one that once counted further has more bits
+                if highest[i] < 1 << bits and 0 < steps[i] + (1 << bits) <= min(
                     LONGEST_LOSS, 1 << (bits - 1)
                 ):
                     wraps[i] = 1 << bits
@@ -102,9 +106,18 @@ class StampedTime(Timeline):
 
     Args:
         column: Its name.
-        unit: Of it; "clock" is a time of day, which may pass midnight.
+        unit: Of it; "clock" is a time of day, which may pass midnight, or a date with one.
         bits: Width of a counter that wraps, None for one that does not.
         tick_ns: Length of a unit, if it is none of the usual [ns].
+        exact: Whether the column is read as whole numbers of 64 bits; None: where its unit is
+            that of a counter or ns.
+        rate: Of the samples [Hz], where it is stated and the column only shows the holes.
+
+    Attributes:
+        column: Its name.
+        rate: See above.
+        local: Whether it is a wall clock.
+        counted_ns: Length of a unit if the column counts whole ones that may begin again [ns].
     """
 
     def __init__(
@@ -113,28 +126,43 @@ class StampedTime(Timeline):
         unit: TimeUnit = "s",
         bits: int | None = None,
         tick_ns: float | None = None,
+        exact: bool | None = None,
+        rate: float | None = None,
     ):
-        self._column, self._bits, self._unit = column, bits, unit
-        exact = bits is not None or unit == "ns"
-        self.kinds = {column: "clock" if unit == "clock" else "integer" if exact else "float"}
+        self.column, self.rate, self.local = column, rate, unit == "clock"
+        self._bits, self._unit = bits, unit
+        exact = (bits is not None or unit == "ns") if exact is None else exact
+        self.kinds = {column: "clock" if self.local else "integer" if exact else "float"}
         self._tick_ns = tick_ns if tick_ns is not None else SECONDS[unit] * NANOSECONDS
+        small = bits is None and self._tick_ns < NANOSECONDS
+        self.counted_ns = round(self._tick_ns) if small else None
         self._unwrap = Unwrapper(bits) if bits is not None else None
         self._last, self._days = -np.inf, 0
 
     def __call__(self, columns: Columns, count: int) -> np.ndarray:
-        values = columns[self._column]
+        values = columns[self.column]
         if self._unwrap is not None:
-            values = self._unwrap(values)
-        if values.dtype.kind in "iu" and float(self._tick_ns).is_integer():
-            return np.asarray(values, dtype=np.int64) * np.int64(self._tick_ns)
-        if self._unit == "clock":
+            values = self._unwrap(np.asarray(values, dtype=np.int64))
+        if self.local:
             values = self._past_midnight(values)
         known = np.isfinite(values)
         if not known.all():
             raise BadRowError("the time is missing here", int(np.argmin(known)))
+        size = np.abs(values.astype(float)) * self._tick_ns
+        if np.any(size > LATEST_NS):
+            at = int(np.argmax(size > LATEST_NS))
+            raise BadRowError(
+                f"a time of {values[at]:.10g} {self._unit} cannot be: it is more than "
+                f"{LATEST_NS / YEAR_NS:.0f} years",
+                at,
+            )
+        if values.dtype.kind in "iu" and float(self._tick_ns).is_integer():
+            return np.asarray(values, dtype=np.int64) * np.int64(self._tick_ns)
         return np.round(values * self._tick_ns).astype(np.int64)
 
     def _past_midnight(self, seconds: np.ndarray) -> np.ndarray:
+        if len(seconds) and abs(seconds[0]) > 2 * DAY_S:
+            return seconds  # it has a date
         steps = np.diff(seconds, prepend=self._last)
         days = self._days + np.cumsum(steps < -DAY_S / 2)
         self._last, self._days = float(seconds[-1]), int(days[-1])
