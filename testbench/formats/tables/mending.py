@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.formats.tables.order import Habit, Order
+from testbench.formats.tables.order import Habit, Order, goes_back
 from testbench.formats.tables.rows import Rows
 from testbench.formats.tables.timeline import BadRowError
 from testbench.frames import NANOSECONDS
@@ -168,6 +168,11 @@ class Mender:
     def _advance(self, held: Rows, end: bool) -> tuple[Rows, Rows]:
         """What is settled of the rows that are held, and the rest."""
         if self.habit is None:
+            back = np.diff(held.time, prepend=held.time[0] if self._last is None else self._last)
+            if np.any(back < 0) and not self._order.lenient:
+                at = int(np.argmax(back < 0))
+                raise goes_back(int(held.time[at] - back[at]), held, at)
+            self._last = int(held.time[-1])
             return held, held.take(slice(0, 0))
         held, settled = self._order(held, self.habit, end)
         cut, following = (len(held), None) if end else _cut(held.time, settled)
@@ -255,7 +260,13 @@ class Mender:
         self._count(sizes, stamps)
         place = np.arange(len(rows)) - np.repeat(begins, sizes)
         place = np.where(np.repeat(back, sizes), place - np.repeat(sizes - 1, sizes), place)
-        return rows.time + np.round(place * np.repeat(interval, sizes)).astype(np.int64)
+        time = rows.time + np.round(place * np.repeat(interval, sizes)).astype(np.int64)
+        packet = group * step
+        cut_off = following is None and sizes[-1] < group
+        if cut_off and abs(before[-1] - packet) < 0.25 * packet:  # of a packet that goes on
+            index = np.arange(1, sizes[-1] + 1)
+            time[begins[-1] :] = stamps[-1] - int(before[-1]) + np.round(index * step)
+        return time
 
     def _count(self, sizes: np.ndarray, stamps: np.ndarray) -> None:
         several = sizes > 1

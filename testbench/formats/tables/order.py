@@ -177,13 +177,7 @@ class Order:
         if self._replaced(rows, since, at, stop, habit):
             return rows
         if not self.lenient:
-            before, after = time[at - 1] / NANOSECONDS, time[at] / NANOSECONDS
-            raise BadRowError(
-                f"time goes back from {before:.6f} s to {after:.6f} s and does not return; samples "
-                "must stand in the order of time: if the recording began again there, cut the "
-                "file in two",
-                int(rows.number[at]),
-            )
+            raise goes_back(int(time[at - 1]), rows, at)
         self._note("restart", rows, at)
         self.log.bridged += 1
         self._shift(rows, at, int(time[at - 1] - time[at] + habit.step_ns))
@@ -272,6 +266,22 @@ class Order:
         if begin == 0:
             self._zero = int(time[0])
         return True
+
+
+def goes_back(before_ns: int, rows: Rows, at: int) -> BadRowError:
+    """The refusal of a recording that began again.
+
+    Args:
+        before_ns: The time before [ns].
+        rows: Those at hand.
+        at: The first that is too early.
+    """
+    before, after = before_ns / NANOSECONDS, rows.time[at] / NANOSECONDS
+    return BadRowError(
+        f"time goes back from {before:.6f} s to {after:.6f} s and does not return; samples must "
+        "stand in the order of time: if the recording began again there, cut the file in two",
+        int(rows.number[at]),
+    )
 
 
 def _apart(habit: Habit) -> float:

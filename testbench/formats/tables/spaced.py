@@ -26,7 +26,7 @@ class Spaced:
 
     def __init__(self, rate: float, column: str):
         self._rate, self._column = rate, column
-        self._index = -1
+        self._index, self._begun = -1, 0
         self._last: int | None = None
         self._holes = self._longest = 0
 
@@ -37,6 +37,8 @@ class Spaced:
             stamps: Mended, shape (n,) [ns].
             habit: What is usual; None where the stamps stand still.
         """
+        if self._last is None:
+            self._begun = int(stamps[0])
         advance = np.ones(len(stamps), dtype=np.int64)
         if habit is not None:
             steps = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last)
@@ -46,7 +48,7 @@ class Spaced:
             self._longest = max(self._longest, int(advance.max()) - 1)
         index = self._index + np.cumsum(advance)
         self._index, self._last = int(index[-1]), int(stamps[-1])
-        return np.round(index * (NANOSECONDS / self._rate)).astype(np.int64)
+        return self._begun + np.round(index * (NANOSECONDS / self._rate)).astype(np.int64)
 
     def findings(self) -> list[Finding]:
         """What is to be said of the pass, once it is over."""

@@ -137,17 +137,19 @@ class StampedTime(Timeline):
         small = bits is None and self._tick_ns < NANOSECONDS
         self.counted_ns = round(self._tick_ns) if small else None
         self._unwrap = Unwrapper(bits) if bits is not None else None
-        self._last, self._days = -np.inf, 0
+        self._last, self._days, self._held = -np.inf, 0, 0.0
 
     def __call__(self, columns: Columns, count: int) -> np.ndarray:
         values = columns[self.column]
+        known = np.isfinite(values)
+        if not known.all() and self.rate is None:
+            raise BadRowError("the time is missing here", int(np.argmin(known)))
+        if not known.all():
+            values = self._filled(values, known)
         if self._unwrap is not None:
             values = self._unwrap(np.asarray(values, dtype=np.int64))
         if self.local:
             values = self._past_midnight(values)
-        known = np.isfinite(values)
-        if not known.all():
-            raise BadRowError("the time is missing here", int(np.argmin(known)))
         size = np.abs(values.astype(float)) * self._tick_ns
         if np.any(size > LATEST_NS):
             at = int(np.argmax(size > LATEST_NS))
@@ -159,6 +161,13 @@ class StampedTime(Timeline):
         if values.dtype.kind in "iu" and float(self._tick_ns).is_integer():
             return np.asarray(values, dtype=np.int64) * np.int64(self._tick_ns)
         return np.round(values * self._tick_ns).astype(np.int64)
+
+    def _filled(self, values: np.ndarray, known: np.ndarray) -> np.ndarray:
+        """With the time before in place of one that is missing."""
+        last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+        filled = np.where(last < 0, self._held, values[np.maximum(last, 0)])
+        self._held = float(filled[-1])
+        return np.asarray(filled, dtype=float)
 
     def _past_midnight(self, seconds: np.ndarray) -> np.ndarray:
         if len(seconds) and abs(seconds[0]) > 2 * DAY_S:

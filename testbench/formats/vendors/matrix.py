@@ -23,6 +23,7 @@ from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import find_table, head_of, split_line
 from testbench.formats.tables.timeline import SpreadTime, StampedTime, rate_of_stamps
 from testbench.frames import NANOSECONDS
+from testbench.records.findings.catalogue import finding
 
 NOMINAL_RATE = 100.0
 TEMPERATURE = "ambient_temp"
@@ -48,13 +49,21 @@ def read(files: list[Path], options: Options) -> Recording:
         sensors[name], own, first = _sensor(file, options)
         dates.append(recorded(first, f"dateTime in {file.name}"))
         notes += [f"{name}: {note}" for note in own]
+    findings = []
     if len(files) > 1:
-        notes.append("the host time of each sensor begins at 0 with its own first sample")
+        why = "each has a clock of its own, which its stamps tell to a second"
+        findings.append(finding("clock.own", why=why))
     heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     label = sensor_name(files[0].stem) if len(files) == 1 else "matrix"
     purpose = "MATRIX recording (accelerometer and gyroscope)"
     return Recording(
-        label, purpose, sensors, suitable_analysis(heads), notes, recorded=earliest(dates)
+        label,
+        purpose,
+        sensors,
+        suitable_analysis(heads),
+        notes,
+        findings,
+        recorded=earliest(dates),
     )
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import FileProblems, InputError
+from testbench.formats.common_clock import share_clock
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
@@ -41,6 +42,11 @@ class WithOrientation:
     time: str
     quaternion: TextTable
     q_time: str
+
+    @property
+    def file(self) -> Path:
+        """Of the sensors."""
+        return self.sensors.file
 
     @property
     def names(self) -> list[str]:
@@ -120,7 +126,12 @@ def read(files: list[Path], options: Options) -> Recording:
     heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     label = names[0] if len(names) == 1 else "ngimu"
     return Recording(
-        sensor_name(label), "NGIMU recording", sensors, suitable_analysis(heads), notes
+        sensor_name(label),
+        "NGIMU recording",
+        sensors,
+        suitable_analysis(heads),
+        notes,
+        share_clock(sensors, "the time that NGIMUs of one session write", ""),
     )
 
 

@@ -13,6 +13,7 @@ import re
 from pathlib import Path
 
 from testbench.exceptions import InputError
+from testbench.formats.common_clock import share_clock
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import Recording
@@ -20,6 +21,7 @@ from testbench.formats.suitable import suitable_analysis
 from testbench.formats.table_sensors import Layout, table_sensor
 from testbench.formats.tables.recognise import find_sensors, find_time
 from testbench.formats.tables.text_table import find_table
+from testbench.records.findings.finding import Finding
 
 _HEADER = re.compile(r"acc\w*[\s_.\-]*x|gyr\w*[\s_.\-]*x|(quat\w*|q)[\s_.\-]*[w0]\b", re.IGNORECASE)
 
@@ -52,14 +54,12 @@ def read(files: list[Path], options: Options) -> Recording:
     result = {}
     for name, (_, table, _, found) in zip(names, parts, strict=True):
         time = find_time(table.names)
-        unit = time[1] or "s" if time else "s"
-        column = time[0] if time else None
-        layout = Layout("Technaid Tech-IMU", {}, column, unit)  # type: ignore[arg-type]
-        if time and time[1] is None and options.rate is None:
-            notes.append(
-                f"{name}: the column {time[0]} is taken for seconds; state --rate if it is not"
-            )
+        column, unit = time or (None, None)
+        layout = Layout("Technaid Tech-IMU", {}, column, unit)
         result[name] = table_sensor(table, found, layout, name, options, notes)
     heads = [head for head in (sensor.head() for sensor in result.values()) if head is not None]
     label = sensor_name(stem_without_stamp(files[0].stem)) if len(files) == 1 else "technaid"
-    return Recording(label, "Technaid recording", result, suitable_analysis(heads), notes)
+    findings: list[Finding] = []
+    if len(files) > 1:
+        findings = share_clock(result, None, "their times are no Unix times")
+    return Recording(label, "Technaid recording", result, suitable_analysis(heads), notes, findings)
