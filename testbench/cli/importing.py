@@ -190,8 +190,7 @@ def import_files(
     from testbench.pipeline.request import ImportRequest, TruthRequest
 
     described = (robot, link, mounting, dwell, move, truth_rate, joint_unit, calibration_poses)
-    described += (truth_time_unit,)
-    if truth is None and any(described):
+    if truth is None and (any(described) or truth_time_unit):
         raise InputError(
             "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate, "
             "--truth-time-unit and --joint-unit describe the file of --truth"

@@ -422,7 +422,8 @@ def _truth(
     axes: AxisMap,
     notes: list[str],
 ) -> Truth:
-    source, origin, like = table, stream.origin_ns, stream
+    source, origin = table, stream.origin_ns
+    like: SampleStream | None = stream
     if spec.file is not None:
         source = open_table(table.file.parent / Path(spec.file).name, spec.text)
         key = "truth.time.unit: UNIT in the mapping"

@@ -37,7 +37,8 @@ TEMPLATES = {
     ),
     "time.repeated": Template(
         WARNING,
-        "{count} rows repeat the stamp and every value of an earlier one, the first after {at_s:.2f} s",
+        "{count} rows repeat the stamp and every value of an earlier one, the first after "
+        "{at_s:.2f} s",
         "they are left out",
     ),
     "time.grouped": Template(
@@ -55,8 +56,8 @@ TEMPLATES = {
     ),
     "time.glitch": Template(
         WARNING,
-        "{count} stamps in {places} places lie out of order by up to {worst_s:.3g} s, the first after "
-        "{at_s:.2f} s, and the time then goes on as before",
+        "{count} stamps in {places} places lie out of order by up to {worst_s:.3g} s, the first "
+        "after {at_s:.2f} s, and the time then goes on as before",
         "these stamps are taken for faults of the logger and replaced by even ones",
         "if samples are missing there, cut the file",
     ),
@@ -98,8 +99,8 @@ TEMPLATES = {
     "clock.apart": Template(
         WARNING,
         "by their clock, {clock}, {sensor} begins {apart_s:.0f} s after {ended} has ended",
-        "they were not recorded together, and the host time of each sensor begins at 0 with its own "
-        "first sample",
+        "they were not recorded together, and the host time of each sensor begins at 0 with its "
+        "own first sample",
     ),
     "clock.truth": Template(
         NOTE,
