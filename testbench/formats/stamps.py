@@ -128,7 +128,7 @@ def unix_unit(size: float) -> TimeUnit | None:
 
 
 def rate_differs(
-    stated: float, who: str, measured: float | None, stamps_win: bool, remedy: str
+    stated: float, who: str, measured: float | None, stamps_win: bool, remedy: str = ""
 ) -> list[Finding]:
     """A finding where a stated rate is not that of the stamps.
 

@@ -160,7 +160,7 @@ def test_a_header_that_lies_about_the_rate_is_not_believed(dot, motion):
         {"Acc": m.acc, "Gyr": np.degrees(m.gyr)}, above=ABOVE.format(sync="Synced", rate=120)
     )
     assert session.manifest.sensors["left"].rate_hz == pytest.approx(60, rel=1e-3)
-    assert any("says 120 Hz, the time stamps 60" in note for note in session.manifest.notes)
+    assert any("say 60 Hz, the header says 120 Hz" in note for note in session.manifest.notes)
 
 
 @pytest.mark.parametrize("above", ["", "sep=,\n", "DeviceTag:,left\n\n"])

@@ -16,7 +16,7 @@ from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.units import SECONDS, TimeUnit
 from testbench.frames import NANOSECONDS
 
-DAY_S = 86_400
+DAY_S, MINUTE_S = 86_400, 60
 YEAR_NS = 365 * DAY_S * NANOSECONDS
 LATEST_NS = 140 * YEAR_NS
 """The year 2109 of Unix times; 64 bits hold twice as much."""
@@ -170,10 +170,11 @@ class StampedTime(Timeline):
         return np.asarray(filled, dtype=float)
 
     def _past_midnight(self, seconds: np.ndarray) -> np.ndarray:
-        if len(seconds) and abs(seconds[0]) > 2 * DAY_S:
-            return seconds  # it has a date
         steps = np.diff(seconds, prepend=self._last)
-        days = self._days + np.cumsum(steps < -DAY_S / 2)
+        back = -DAY_S / 2
+        if abs(seconds[0]) > 2 * DAY_S:  # it has a date, which a logger may have left as it was
+            back = MINUTE_S - DAY_S
+        days = self._days + np.cumsum((steps < back) & (steps >= -DAY_S))
         self._last, self._days = float(seconds[-1]), int(days[-1])
         return seconds + DAY_S * days
 
@@ -207,7 +208,7 @@ class RegularTime(Timeline):
 
 
 class SpreadTime(Timeline):
-    """Stamps of whole seconds that many samples share, spread by the sampling rate.
+    """Stamps of whole seconds, or minutes, that many samples share, spread by the sampling rate.
 
     Sample i lies 1/rate after sample i - 1, until that strays from its stamp: then samples are
     missing, and the time follows the stamp.
@@ -215,31 +216,35 @@ class SpreadTime(Timeline):
     Args:
         column: Stamps that end in a time of day.
         rate: [Hz].
+        whole_s: What the stamps are whole numbers of [s].
     """
 
     SLACK_S = 1.5
-    """The spread time may stray so far out of the second its stamp says: stamps are written late,
-    and rates are never exact.
+    """The spread time may stray so far out of what its stamp says: stamps are written late, and
+    rates are never exact.
     """
 
-    def __init__(self, column: str, rate: float):
+    def __init__(self, column: str, rate: float, whole_s: float = 1.0):
         self.kinds = {column: "clock"}
         self.gaps = 0
         self._column, self._rate, self._count = column, rate, 0
-        self._clock = StampedTime(column, "clock")
+        self._clock, self._whole = StampedTime(column, "clock"), whole_s
         self._origin: float | None = None
+        self._base: int | None = None
 
     def __call__(self, columns: Columns, count: int) -> np.ndarray:
-        stamps = self._clock(columns, count) / NANOSECONDS
+        whole = self._clock(columns, count)
+        self._base = int(whole[0]) if self._base is None else self._base
+        stamps = (whole - self._base) / NANOSECONDS
         index = np.arange(self._count, self._count + count)
         if self._origin is None:
-            self._origin = _best_origin(stamps, index / self._rate)
+            self._origin = _best_origin(stamps, index / self._rate, self._whole)
         times = np.empty(count)
         start = 0
         while start < count:
             spread = self._origin + index[start:] / self._rate
             ahead = stamps[start:] - spread
-            stray = np.flatnonzero((ahead > self.SLACK_S) | (ahead < -1 - self.SLACK_S))
+            stray = np.flatnonzero((ahead > self.SLACK_S) | (ahead < -self._whole - self.SLACK_S))
             end = start + int(stray[0]) if len(stray) else count
             times[start:end] = spread[: end - start]
             if end < count:
@@ -253,16 +258,16 @@ class SpreadTime(Timeline):
                 self._origin = stamps[end] - index[end] / self._rate
             start = end
         self._count += count
-        return np.round(times * NANOSECONDS).astype(np.int64)
+        return self._base + np.round(times * NANOSECONDS).astype(np.int64)
 
 
-def _best_origin(stamps: np.ndarray, spread: np.ndarray) -> float:
+def _best_origin(stamps: np.ndarray, spread: np.ndarray, whole_s: float) -> float:
     """Time of the first sample [s].
 
-    Within the first steady stretch, every sample lies in the second that its stamp says.
+    Within the first steady stretch, every sample lies in what its stamp says.
     """
     late = stamps - spread
-    steady = np.abs(late - late[0]) < 1.0
+    steady = np.abs(late - late[0]) < whole_s
     end = len(late) if steady.all() else int(np.argmin(steady))
     return float(np.max(late[: max(end, 1)]))
 
@@ -278,21 +283,23 @@ class BadRowError(InputError):
         super().__init__(message)
 
 
-def rate_of_stamps(stamps: np.ndarray, nominal: float) -> tuple[float, float]:
-    """Sampling rate from stamps of whole seconds.
+def rate_of_stamps(stamps: np.ndarray, nominal: float, whole_s: float = 1.0) -> tuple[float, float]:
+    """Sampling rate from stamps of whole seconds or minutes.
 
     Args:
         stamps: [s], shape (n,).
         nominal: The rate that is believed [Hz]; kept where the stamps do not deny it.
+        whole_s: What the stamps are whole numbers of [s].
 
     Returns:
-        The rate, by the seconds without a pause, and how far it may be wrong [Hz]; infinitely where
-        there is no whole second.
+        The rate, by the seconds (minutes) without a pause, and how far it may be wrong [Hz];
+        infinitely where there is no whole one.
     """
     changes = np.flatnonzero(np.diff(stamps) > 0) + 1
-    whole = np.diff(stamps[changes]) == 1  # seconds without a pause
+    whole = np.diff(stamps[changes]) == whole_s  # seconds without a pause
     if not whole.any():
         return nominal, np.inf
-    measured = float(np.diff(changes)[whole].mean())
-    doubt = 2.0 * max(1.0, 0.05 * measured) / int(whole.sum())
+    counts = np.diff(changes)[whole]
+    measured = float(counts.mean()) / whole_s
+    doubt = 2.0 * max(1.0, 0.05 * measured) / int(whole.sum()) / whole_s
     return (nominal, doubt) if abs(measured - nominal) <= doubt else (measured, doubt)

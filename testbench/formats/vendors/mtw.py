@@ -221,7 +221,9 @@ def _time(
     rate = options.rate_or(stated)
     stamps = _by_ticks(name, table, ticks, stated, options)
     if stamps is not None and (options.rate is None or counter is None):
-        return rate or round(stamps.rate or 0.0, 3), stamps, f"times by {TICKS}"
+        measured = round(stamps.rate or 0.0, 3)
+        denied = options.rate is None and bool(rate_differs(rate or measured, "", measured, True))
+        return measured if denied else rate or measured, stamps, f"times by {TICKS}"
     if rate is None:
         raise InputError(
             f"{table.file}: neither an update rate in the header nor {TICKS}; state the sampling "
