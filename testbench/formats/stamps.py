@@ -107,7 +107,8 @@ def read_stamps(
         rate = cast(float, asking.rate)
         return Stamps(lambda: RegularTime(rate), [])
     step = _usual_step(values)
-    size = float(np.abs(values[np.isfinite(values)][0])) if np.isfinite(values).any() else 0.0
+    known = values[np.isfinite(values)]
+    size = float(np.median(np.abs(known))) if len(known) else 0.0
     unix = None if bits is not None else unix_unit(size)
     unit, findings = _unit(column, stated, asking, (size, step), unix, tick_ns)
     tick = tick_ns if tick_ns is not None and asking.answered is None else None
@@ -197,7 +198,7 @@ def _unit(
     fitting.sort(key=lambda u: (u != unix, u not in DECIMAL, abs(np.log(rates[u] / USUAL_HZ))))
     tell = asking.answer("UNIT")
     if stated is None and tick_ns is None and unix is not None and (not rates or unix in fitting):
-        found = finding("time.epoch", column=column, first=size, unit=unix, answer=tell)
+        found = finding("time.epoch", column=column, about=size, unit=unix, answer=tell)
         return unix, [] if unix == "s" else [found]
     unit: TimeUnit = stated or "s"
     seconds = SECONDS[unit] if tick_ns is None else tick_ns / NANOSECONDS

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.formats.tables.order import Habit, Order, goes_back
+from testbench.formats.tables.order import HOUR_NS, Habit, Order, goes_back
 from testbench.formats.tables.rows import Rows
 from testbench.formats.tables.timeline import BadRowError
 from testbench.frames import NANOSECONDS
@@ -50,8 +50,9 @@ def habit_of(rows: Rows) -> Habit | None:
         time = rows.time  # a sensor at rest may well repeat a value within a packet
         sizes = _sizes(time)
     begins = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    steps = np.diff(time[begins])
-    later = sizes[1:][steps > 0]
+    whole = max(len(begins) - 1, 2)  # the last packet may go on beyond these rows
+    steps = np.diff(time[begins[:whole]])
+    later = sizes[1:whole][steps > 0] if len(sizes) > 2 else sizes.max(keepdims=True)
     steps = steps[steps > 0]
     if not len(steps):
         return None
@@ -101,7 +102,7 @@ class Mender:
         self.habit: Habit | None = None
         self._shared = Shared()
         self._last: int | None = None  # the stamp before the rows that are held
-        self._zero = 0
+        self._zero = self._stale = 0
 
     def __call__(self, pieces: Iterable[Rows]) -> Iterator[Rows]:
         """The pieces, mended.
@@ -120,13 +121,13 @@ class Mender:
             if not known and len(held) < HEAD:
                 continue
             if not known:
-                known = self._look(held)
+                known, held = True, self._look(held)
             out, held = self._advance(held, end=False)
             if len(out):
                 yield out
         if held is not None and len(held):
             if not known:
-                self._look(held)
+                held = self._look(held)
             out, _ = self._advance(held, end=True)
             if len(out):
                 yield out
@@ -134,7 +135,8 @@ class Mender:
     def findings(self) -> list[Finding]:
         """What is to be said of the pass, once it is over."""
         shared, order = self._shared, self._order
-        result = order.log.findings()
+        result = [finding("time.stale", count=self._stale)] if self._stale else []
+        result += order.log.findings()
         repeated = shared.repeated + order.repeats
         if repeated:
             first = [shared.first_repeated_ns] if shared.repeated else []
@@ -160,10 +162,15 @@ class Mender:
             )
         return result
 
-    def _look(self, held: Rows) -> bool:
+    def _look(self, held: Rows) -> Rows:
+        """Find what is usual, and drop first rows that are left over from another recording."""
         self.habit = habit_of(held.take(slice(0, HEAD)))
+        if self.habit is not None and len(held) > 4 * STANDS:
+            far = np.diff(held.time[: STANDS + 1]) > max(HOUR_NS, 1000 * self.habit.step_ns)
+            self._stale = int(np.flatnonzero(far)[-1]) + 1 if far.any() else 0
+            held = held.take(slice(self._stale, None))
         self._zero = int(held.time[0])
-        return True
+        return held
 
     def _advance(self, held: Rows, end: bool) -> tuple[Rows, Rows]:
         """What is settled of the rows that are held, and the rest."""

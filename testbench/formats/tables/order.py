@@ -166,6 +166,8 @@ class Order:
                 keep = np.ones(len(rows), dtype=bool)
                 keep[at:stop] = False
                 return rows.take(keep)
+            if habit.group > 1 and self._replaced(rows, since, at, stop, habit):
+                return rows
             order = self._fits_in(time, since, stop, habit)
             if order is not None:
                 self.log.moved += int(np.sum(order != np.arange(len(order))))
@@ -309,6 +311,11 @@ def _even(time: np.ndarray, before: int, after: int, count: int, habit: Habit) -
         few = count <= FEW
         return time[before] + np.round(index * step).astype(np.int64) if few else None
     span = float(time[after] - time[before])
+    if habit.group > 1 and time[before + 1] == time[after - 1] and span >= 0:
+        same_packet = span < 0.5 * habit.group * step
+        if same_packet or span < 2.5 * habit.group * step:
+            between = time[after] if same_packet else time[before] + round(span / 2)
+            return np.full(count, between)
     if span < 0.5 * (count + 1) * step:
         return None
     if span > 1.5 * (count + 1 + 2 * (habit.group - 1)) * step:

@@ -7,7 +7,7 @@ from testbench.records.findings.words.template import NOTE, WARNING, Template
 TEMPLATES = {
     "time.epoch": Template(
         NOTE,
-        "the column {column} states no unit and begins with {first:.0f}",
+        "the column {column} states no unit and holds numbers about {about:.4g}",
         "by their size these are Unix times in {unit}",
         "{answer} states another unit",
     ),
@@ -53,6 +53,11 @@ TEMPLATES = {
         "{count} samples have the stamp of the one before but other values, the first after "
         "{at_s:.2f} s",
         "they are spread evenly up to the next stamp, or from the one before",
+    ),
+    "time.stale": Template(
+        WARNING,
+        "the first {count} rows have stamps over an hour before the others",
+        "they are left over from another recording and left out",
     ),
     "time.glitch": Template(
         WARNING,
