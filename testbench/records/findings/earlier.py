@@ -12,10 +12,13 @@ def sentences_to_findings(data: dict[str, Any], key: str) -> None:
     """Put findings in the place of sentences, in a mapping that was read from JSON.
 
     Args:
-        data: Is changed; sentences that stand beside findings only repeat them and are dropped.
+        data: Is changed where it has such sentences; those that stand beside findings only repeat
+            them and are dropped.
         key: Of the sentences, such as "notes".
     """
-    sentences = data.pop(key, [])
+    if key not in data:
+        return
+    sentences = data.pop(key)
     if "findings" not in data and isinstance(sentences, list):
         data["findings"] = [
             {"code": NOTED, "severity": Severity.NOTE, "where": "", "sentence": sentence}
