@@ -36,7 +36,7 @@ def explain(error: Exception, words: Sequence[str]) -> ProgramError:
     what = f"this is a fault of testbench itself ({type(error).__name__})"
     try:
         opened, name = tempfile.mkstemp(prefix="testbench_fault_", suffix=".txt")
-        with open(opened, "w", encoding="utf-8") as file:
+        with os.fdopen(opened, "w", encoding="utf-8") as file:
             file.write(_content(error, words))
     except OSError as refused:
         frame = traceback.extract_tb(error.__traceback__)[-1]
