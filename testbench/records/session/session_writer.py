@@ -165,9 +165,12 @@ class SessionWriter:
             self._journals[name].append(columns)
 
     def event(self, event: Event) -> None:
-        """Append an event."""
+        """Append an event, and hand it to the operating system: what happened before the first
+        sample outlives a kill too.
+        """
         with self._writing():
             self._events.write(event.to_json() + "\n")
+            self._events.flush()
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system."""
