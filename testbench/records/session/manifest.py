@@ -226,6 +226,7 @@ class Manifest(_Part):
 
     Attributes:
         analysis: As it stands there; `Session.analysis` is what it means.
+        analysis_request: How the run was to be analysed, where that is not as the protocol says.
     """
 
     schema_version: int
@@ -249,6 +250,7 @@ class Manifest(_Part):
     simulated_sensors: bool = False
     checklist: dict[str, Any] | None = None
     device_statistics: dict[str, Any] = {}
+    analysis_request: dict[str, Any] = {}
     resumed: list[dict[str, Any]] = []
     resumes: ResumesRecord | None = None
     plan: PlanRecord = PlanRecord()
