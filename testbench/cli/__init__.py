@@ -36,6 +36,7 @@ def main() -> None:
         from testbench.cli.app import app
 
         if wants_json:
+            _log_nothing()
             sys.exit(_run_without_own_errors(app))
         app()
     except BenchError as error:
@@ -64,6 +65,15 @@ def _collect_seldom() -> None:
     """
     gc.set_threshold(50_000, 10, 10)
     atexit.register(gc.freeze)
+
+
+def _log_nothing() -> None:
+    """Keep what the program notices on its way, such as a wait, off stderr, where JSON is read."""
+    import logging
+
+    logger = logging.getLogger("testbench")
+    if not logger.handlers:
+        logger.addHandler(logging.NullHandler())  # else what is left goes to stderr
 
 
 def _run_without_own_errors(app: Typer) -> int:
