@@ -166,7 +166,7 @@ def estimate(
     json: JsonOption = False,
 ) -> None:
     """Align clocks and frames, run the filters, compute joint angles."""
-    from testbench.pipeline.analyse import make_estimate
+    from testbench.pipeline.kept_estimate import make_estimate
 
     opened = _open(session)
     result = make_estimate(opened, analysis_request(filters, parameters, calibration, tuned))

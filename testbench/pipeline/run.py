@@ -12,10 +12,11 @@ from testbench.execution import RunOptions, execute
 from testbench.execution.executor import execute_on_arm, simulated_sensors
 from testbench.execution.resume import open_for_resume, refuse_differences
 from testbench.execution.run_progress import Progress
-from testbench.pipeline.analyse import Result, analyse, load_analysis
+from testbench.pipeline.analyse import Result, analyse
 from testbench.pipeline.approval import approve
 from testbench.pipeline.arm import make_arm, moves, refuse_arm, refuse_other_sensors
 from testbench.pipeline.kept_analysis import analysis_to_go_on, kept_analysis
+from testbench.pipeline.loaded_analysis import load_analysis
 from testbench.pipeline.prepared import Prepared, plan_for
 from testbench.pipeline.request import AnalysisRequest, Request, RunRequest
 from testbench.pipeline.resume import prepare_resume, refuse_other_arm

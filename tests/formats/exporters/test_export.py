@@ -13,8 +13,8 @@ from scipy.io import loadmat
 from testbench.estimation import estimate
 from testbench.exceptions import InputError, NotFoundError, StorageError
 from testbench.formats.exporters import EXPORTS, ExportSource, prepare_export, write_export
+from testbench.pipeline.exports import export
 from testbench.pipeline.request import ExportRequest
-from testbench.pipeline.show import export
 from testbench.records.session.session import Session
 from testbench.reporting.viewer import save_recording
 from tests.processes import bench
