@@ -32,6 +32,7 @@ from testbench.cli.output import (
     say,
     say_check,
     say_evaluation,
+    say_findings,
     say_json,
     say_table,
     say_warnings,
@@ -237,8 +238,7 @@ def report(
     if json:
         say_json(result.to_dict())
     else:
-        for note in result.evaluation.notes:
-            say(f"note: {note}")
+        say_findings(result.evaluation.findings)
         say(f"report: {result.report}")
 
 

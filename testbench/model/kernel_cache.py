@@ -3,8 +3,8 @@
 Numba keeps an index beside each module with kernels. The types that they were compiled for are
 pickled in it, named tuples by module and name of their class; the stamp of the index, date and size
 of that one module, is looked at only after it is unpickled. A class that a newer version has moved
-is then not found, and the kernel cannot be called (numba 0.68.1, `numba.core.caching`). Here an entry
-that cannot be read is no entry: the kernel is compiled again.
+is then not found, and the kernel cannot be called (numba 0.68.1, `numba.core.caching`). Here an
+entry that cannot be read is no entry: the kernel is compiled again.
 """
 
 from __future__ import annotations

@@ -12,14 +12,11 @@ def sentences_to_findings(data: dict[str, Any], key: str) -> None:
     """Put findings in the place of sentences, in a mapping that was read from JSON.
 
     Args:
-        data: Is changed where it has such sentences; those that stand beside findings only repeat
-            them and are dropped.
+        data: Is changed; sentences that stand beside findings only repeat them and are dropped.
         key: Of the sentences, such as "notes".
     """
-    if key not in data:
-        return
-    sentences = data.pop(key)
-    if "findings" not in data and isinstance(sentences, list):
+    sentences = data.pop(key, None)
+    if isinstance(sentences, list) and "findings" not in data:
         data["findings"] = [
             {"code": NOTED, "severity": Severity.NOTE, "where": "", "sentence": sentence}
             for sentence in sentences
