@@ -85,6 +85,10 @@ FORMATS = {
         "x-io x-IMU3, Inertial.csv, Magnetometer.csv, Quaternion.csv and others, or their folders",
         "rows of the maker's examples",
     ),
+    "apdm": Format(
+        "testbench.formats.vendors.apdm",
+        "APDM Opal, HDF5 of Mobility Lab or Motion Studio, one or more sensors",
+    ),
     "mtw": Format(
         "testbench.formats.vendors.mtw",
         "Xsens MTw or MTi, text exported by MT Manager, one file a sensor",
