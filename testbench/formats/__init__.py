@@ -98,6 +98,11 @@ FORMATS = {
         "testbench.formats.vendors.mti_mat",
         "MATLAB file with arrays acc, gyr, mag (Xsens MTi and others)",
     ),
+    "opensim_sto": Format(
+        "testbench.formats.vendors.opensim_sto",
+        "OpenSim .sto, a table of orientations, a sensor a column",
+        "files of OpenSim's own writer",
+    ),
     "generic": Format(
         "testbench.formats.vendors.generic",
         "any CSV, TSV or Parquet, by a mapping in YAML (--mapping)",
