@@ -98,6 +98,11 @@ FORMATS = {
         "testbench.formats.vendors.mti_mat",
         "MATLAB file with arrays acc, gyr, mag (Xsens MTi and others)",
     ),
+    "rosbag": Format(
+        "testbench.formats.vendors.rosbag",
+        "ROS 1 bag, ROS 2 bag or MCAP with sensor_msgs/Imu, a sensor a topic",
+        "bags of the writers of rosbags and mcap",
+    ),
     "opensim_sto": Format(
         "testbench.formats.vendors.opensim_sto",
         "OpenSim .sto, a table of orientations, a sensor a column",
