@@ -31,18 +31,18 @@ class Layout:
         units: By quantity, where the titles state none but the format does.
         time: Column of stamps, None for none.
         time_unit: Unit of the stamps; None where nothing states it.
-        rate: That the file states for samples without stamps [Hz], None for none.
         conjugate: The file's quaternion is q_sensor_from_earth.
         earth: What its earth's axes point to.
+        rate: That the file states for samples without stamps [Hz], None for none.
     """
 
     description: str
     units: dict[str, str]
     time: str | None = None
     time_unit: TimeUnit | None = "s"
-    rate: float | None = None
     conjugate: bool = False
     earth: str = "ENU"
+    rate: float | None = None
 
 
 # One piece: units, conversion and times of a table depend on one another.
@@ -167,7 +167,7 @@ def asked_stamps(
 
 def file_of(source: Source) -> str:
     """The file of a table before a message, where it has one of its own."""
-    file = getattr(source, "file", None)
+    file = getattr(getattr(source, "main", source), "file", None)
     return f"{file}: " if file is not None else ""
 
 

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from testbench.records.findings.finding import Finding, Severity, Value
-from testbench.records.findings.words import estimation, evaluation, general, recording, time
+from testbench.records.findings.words import (
+    estimation,
+    evaluation,
+    general,
+    recording,
+    samples,
+    time,
+)
 from testbench.records.findings.words.template import Template
 
 SUBJECTS: tuple[dict[str, Template], ...] = (
@@ -11,6 +18,7 @@ SUBJECTS: tuple[dict[str, Template], ...] = (
     estimation.TEMPLATES,
     evaluation.TEMPLATES,
     recording.TEMPLATES,
+    samples.TEMPLATES,
     time.TEMPLATES,
 )
 """The templates by subject, one module each."""
