@@ -194,7 +194,7 @@ def _unit(
     if asking.answered is not None:
         return cast(TimeUnit, asking.answered), []
     rates = {} if step is None else {u: 1 / (step * SECONDS[u]) for u in unit_names("time")}
-    fitting = [u for u in rates if asking.lowest_hz <= rates[u] <= HIGHEST_HZ]
+    fitting = [u for u in rates if asking.lowest_hz < rates[u] <= HIGHEST_HZ]
     fitting.sort(key=lambda u: (u != unix, u not in DECIMAL, abs(np.log(rates[u] / USUAL_HZ))))
     tell = asking.answer("UNIT")
     if stated is None and tick_ns is None and unix is not None and (not rates or unix in fitting):
@@ -205,7 +205,8 @@ def _unit(
     read_as = unit if tick_ns is None else f"ticks of {seconds * 1000:g} ms"
     if asking.rate is not None:
         return (unix or "ns") if size * seconds * NANOSECONDS > LATEST_NS else unit, []
-    better = unix or (fitting[0] if fitting else None)
+    others = [u for u in fitting if u != unit or tick_ns is not None]
+    better = others[0] if others else unix
     if size * seconds * NANOSECONDS > LATEST_NS:
         like = f"; they look like Unix times in {unix}" if unix else ""
         raise InputError(
@@ -214,10 +215,8 @@ def _unit(
             f"({', '.join(unit_names('time'))})"
         )
     rate = None if step is None else 1 / (step * seconds)
-    if rate is not None and not asking.lowest_hz <= rate <= HIGHEST_HZ:
+    if rate is not None and not asking.lowest_hz < rate <= HIGHEST_HZ:
         fits = f"; in {better} it would be {rates[better]:.4g} Hz" if better in rates else ""
-        if better == unit:
-            fits, better = "", None
         confirm = f"{asking.flag.replace('UNIT', unit)} confirms it" if tick_ns is None else ""
         raise InputError(
             f"{asking.who}: the column {column} in {read_as} gives {rate:.4g} Hz, where inertial "

@@ -160,6 +160,10 @@ class StampedTime(Timeline):
             )
         if values.dtype.kind in "iu" and float(self._tick_ns).is_integer():
             return np.asarray(values, dtype=np.int64) * np.int64(self._tick_ns)
+        if size.size and size.max() > 1 << 53 and float(self._tick_ns).is_integer():
+            whole = np.floor(values)  # of Unix times a product would lose the last digits
+            part = np.round((values - whole) * self._tick_ns).astype(np.int64)
+            return whole.astype(np.int64) * np.int64(self._tick_ns) + part
         return np.round(values * self._tick_ns).astype(np.int64)
 
     def _filled(self, values: np.ndarray, known: np.ndarray) -> np.ndarray:

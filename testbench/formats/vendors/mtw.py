@@ -52,6 +52,9 @@ SETS = {
 }
 COUNTER, TICKS = "PacketCounter", "SampleTimeFine"
 TICK_NS = NANOSECONDS // 10_000
+LOWEST_HZ = 10.0
+"""An MTw Awinda puts out 40 to 120 Hz, by the number of sensors (user manual), an MTi 400 Hz if
+nothing else is set: less is a rate of microseconds that were taken for ticks."""
 
 
 def read(files: list[Path], options: Options) -> Recording:
@@ -244,6 +247,7 @@ def _by_ticks(
     asking = Asking(
         f"{table.file}: sensor '{name}'",
         None if answer is None else answer.name,
+        lowest_hz=LOWEST_HZ,
         rate=options.rate_or(None),
     )
     stamps = read_stamps(table, ticks, None, asking, bits=32, tick_ns=TICK_NS)
