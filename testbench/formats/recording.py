@@ -97,6 +97,7 @@ class Recording:
         return told_once([*self.findings, *(noted(note) for note in self.notes)])
 
 
+# Long by its arguments, and by what is undone where an import is cut off.
 def write_recording(
     recording: Recording, files: list[Path], format_name: str, out: Path, clock: Clock
 ) -> Session:

@@ -27,7 +27,11 @@ class Rows:
         return len(self.time)
 
     def take(self, which: np.ndarray | slice) -> Rows:
-        """Some of them, by a mask, their indices in any order, or a slice."""
+        """Some of them.
+
+        Args:
+            which: A slice, a mask of shape (n,), or their indices in any order, shape (k,).
+        """
         columns = {name: values[which] for name, values in self.columns.items()}
         return Rows(self.time[which], self.number[which], columns)
 
@@ -47,8 +51,8 @@ class Rows:
         """Whether two rows of each pair agree in every column, whatever their times.
 
         Args:
-            one: Indices, shape (k,).
-            other: Indices, shape (k,).
+            one: Index of the first of each, shape (k,).
+            other: Index of the second of each, shape (k,).
 
         Returns:
             Shape (k,), bool; values that are missing in both agree.

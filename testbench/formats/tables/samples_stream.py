@@ -64,7 +64,6 @@ class SampleStream:
         counter: Column of the sample counter, or None to count rows.
         drop: Rows at the beginning to leave out.
         origin_ns: device_time_ns at which host_time_ns is zero; None for the first sample's.
-        like: The stream of other columns of the same rows, whose rows this one is to have.
     """
 
     def __init__(
@@ -76,7 +75,6 @@ class SampleStream:
         counter: str | None = None,
         drop: int = 0,
         origin_ns: int | None = None,
-        like: SampleStream | None = None,
     ):
         self.source, self.drop, self.origin_ns = source, drop, origin_ns
         self._kinds, self._convert, self._timeline, self._counter = (
@@ -85,7 +83,7 @@ class SampleStream:
             timeline,
             counter,
         )
-        self._like = like
+        self._like: SampleStream | None = None
         self._findings: list[Finding] = []
 
     def __iter__(self) -> Iterator[ImuSamples]:
@@ -100,6 +98,15 @@ class SampleStream:
                 origin = int(rows.time[0])
             yield _assemble(rows.time, origin, counter, self._convert(rows.columns))
             taken += len(rows)
+
+    def with_rows_of(self, other: SampleStream | None) -> SampleStream:
+        """This stream, with the rows that another stream of the same table has.
+
+        Args:
+            other: Whose columns tell which rows repeat others; None for its own.
+        """
+        self._like = other
+        return self
 
     def findings(self) -> list[Finding]:
         """What was noticed of the times in the last pass that came to an end."""

@@ -444,7 +444,7 @@ def _truth(
 
     kinds: dict[str, Kind] = dict.fromkeys([*titles, *marks], "float")
     made = stamps.timeline
-    chunks = list(SampleStream(source, kinds, convert, made, origin_ns=origin, like=like))
+    chunks = list(SampleStream(source, kinds, convert, made, origin_ns=origin).with_rows_of(like))
     time, q = collect(chunks)
     judged = np.concatenate([chunk.saturated for chunk in chunks]) if marks else None
     # without a mounting, the body is the sensor with the axes of the file
