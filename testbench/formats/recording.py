@@ -71,6 +71,8 @@ class Recording:
         findings: What is to be said of the samples.
         steps: Of the arm, where its poses are known.
         recorded: When it was made, None where nobody says.
+        origin_ns: What the clock of the files said at host time zero, where a truth on the same
+            clock may come from another file [ns].
     """
 
     name: str
@@ -81,6 +83,7 @@ class Recording:
     findings: list[Finding] = field(default_factory=list)
     steps: list[PlannedStep] = field(default_factory=list)
     recorded: Recorded | None = None
+    origin_ns: int | None = None
 
     @property
     def told(self) -> list[Finding]:

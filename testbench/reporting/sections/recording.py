@@ -82,9 +82,8 @@ def _timing(estimate: Estimate) -> Table:
 
 
 def _quality(estimate: Estimate) -> Table:
-    reasons = list(
-        dict.fromkeys(reason for sensor in estimate.sensors.values() for reason in sensor.quality)
-    )
+    sensors = estimate.sensors.values()
+    reasons = list(dict.fromkeys(reason for sensor in sensors for reason in sensor.quality))
     rows = [
         Row(
             [
