@@ -290,6 +290,11 @@ class TruthRequest(Asked):
         ge=0,
         description="The first so many commanded poses calibrate the sensors and are not judged.",
     )
+    clusters: tuple[str, ...] = Field(
+        default=(),
+        description="Markers that carry the sensors, each `SENSOR=M1,M2,M3`; or `SENSOR=BODY`, a "
+        "rigid body, a frame or a topic of poses.",
+    )
 
 
 class ImportRequest(Asked):
