@@ -85,6 +85,11 @@ class Recording:
     recorded: Recorded | None = None
     origin_ns: int | None = None
 
+    @property
+    def told(self) -> list[Finding]:
+        """All that was noticed."""
+        return told_once([*self.findings, *(noted(note) for note in self.notes)])
+
 
 def write_recording(
     recording: Recording, files: list[Path], format_name: str, out: Path, clock: Clock
@@ -125,9 +130,7 @@ def write_recording(
             "recorded_utc": utc_text(recording.recorded.at) if recording.recorded else None,
             "recorded_by": recording.recorded.source if recording.recorded else None,
             "protocol": {"name": recording.name, "purpose": recording.purpose},
-            "findings": told_once(
-                [*recording.findings, *(noted(note) for note in recording.notes)]
-            ),
+            "findings": recording.told,
         },
     )
     begin, end, counts = np.inf, -np.inf, {}
