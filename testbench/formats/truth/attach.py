@@ -226,7 +226,7 @@ def _from_bodies(recording: Recording, options: TruthOptions, notes: list[str]) 
     tracked = read_tracked(options.file, options.rate)
     if tracked is None:
         return False
-    give_truth(recording.sensors, tracked, own, mountings, shift, notes)
+    give_truth(recording, tracked, own, mountings, shift, notes)
     return True
 
 

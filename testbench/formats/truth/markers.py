@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
-from testbench.formats.recording import ImportedSensor
+from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.tables.text_table import head_of
 from testbench.formats.truth.c3d import read_c3d
-from testbench.formats.truth.clusters import LEAST_MARKERS, fit_cluster
+from testbench.formats.truth.clusters import LEAST_MARKERS, ClusterFit, fit_cluster
 from testbench.formats.truth.motive import is_motive, read_motive
 from testbench.formats.truth.qualisys import is_qualisys, read_qualisys
 from testbench.formats.truth.reference import reference_truth
@@ -20,6 +20,8 @@ from testbench.formats.truth.tracked import Tracked
 from testbench.formats.truth.trc import is_trc, read_trc
 from testbench.formats.truth.vicon import is_vicon, read_vicon
 from testbench.model.kinematics import Pose
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.specs.strict import Placement
 
 LISTED = 40
@@ -50,7 +52,7 @@ def read_tracked(file: Path, rate: float | None) -> Tracked | None:
 
 
 def give_truth(
-    sensors: Mapping[str, ImportedSensor],
+    recording: Recording,
     tracked: Tracked,
     clusters: Mapping[str, list[str]],
     mountings: Mapping[str, Placement],
@@ -60,7 +62,7 @@ def give_truth(
     """Give sensors the orientation of their clusters or bodies as truth.
 
     Args:
-        sensors: By name; are changed.
+        recording: Whose sensors; is changed.
         tracked: The export.
         clusters: Markers of each sensor, or the one body that carries it.
         mountings: Sensor in the body ("" for all).
@@ -71,6 +73,7 @@ def give_truth(
         InputError: A sensor or its markers are not named, or are no cluster.
         NotFoundError: No such marker or body.
     """
+    sensors = recording.sensors
     chosen = dict(clusters) or _by_name(list(sensors), tracked)
     if not chosen:
         raise InputError(
@@ -87,7 +90,9 @@ def give_truth(
             q = _body(tracked, marks[0])
             sensor.details |= {"truth": f"{tracked.system}, rigid body {marks[0]}"}
         else:
-            q, residual_mm = _cluster(tracked, name, marks, notes)
+            fit = _cluster(tracked, name, marks)
+            q, residual_mm = fit.q_world_from_cluster, round(1000 * fit.residual_rms_m, 4)
+            recording.findings += _findings(fit, name, marks, residual_mm)
             sensor.details |= {
                 "truth": f"{tracked.system}, cluster {', '.join(marks)}",
                 "truth_residual_mm": residual_mm,
@@ -157,10 +162,8 @@ def _body(tracked: Tracked, name: str) -> np.ndarray:
     )
 
 
-def _cluster(
-    tracked: Tracked, sensor: str, marks: list[str], notes: list[str]
-) -> tuple[np.ndarray, float]:
-    """Orientations of a cluster, and the RMS of its residuals [mm]."""
+def _cluster(tracked: Tracked, sensor: str, marks: list[str]) -> ClusterFit:
+    """The orientations of a cluster."""
     listing = ", ".join(marks)
     if len(set(marks)) < max(len(marks), LEAST_MARKERS):
         raise InputError(
@@ -180,18 +183,26 @@ def _cluster(
             f"{median:.1f} mm against one another, and are {1000 * fit.size_m:.0f} mm apart from "
             "their middle; name markers of one body"
         )
-    residual_mm = round(1000 * fit.residual_rms_m, 4)
-    lost = [
-        f"{count} {why}"
-        for count, why in (
-            (fit.few, "with fewer than three markers"),
-            (fit.in_line, "with markers on one line"),
-            (fit.deformed, "with markers out of place"),
-        )
-        if count
-    ]
-    notes.append(
-        f"{sensor}: the cluster {listing} fits its shape to {residual_mm:.2g} mm (RMS)"
-        + (f"; frames lost: {', '.join(lost)}" if lost else "")
+    return fit
+
+
+def _findings(fit: ClusterFit, sensor: str, marks: list[str], residual_mm: float) -> list[Finding]:
+    """How well the markers keep together, and which frames they lost."""
+    found = [finding("tracking.cluster", sensor, markers=marks, residual_mm=residual_mm)]
+    reasons = (
+        (fit.few, "with fewer than three markers"),
+        (fit.in_line, "with markers on one line"),
+        (fit.deformed, "with markers out of place"),
     )
-    return fit.q_world_from_cluster, residual_mm
+    if sum(count for count, _ in reasons):
+        found.append(
+            finding(
+                "tracking.lost",
+                sensor,
+                lost=sum(count for count, _ in reasons),
+                frames=len(fit.residual_m),
+                markers=marks,
+                why=[f"{count} {why}" for count, why in reasons if count],
+            )
+        )
+    return found
