@@ -274,3 +274,12 @@ def test_what_a_bag_does_not_hold_is_named(motion, bag_of):
         bag_of(ros, still, "c.mcap", clusters={"foot": ["shank"]})
     with pytest.raises(FileProblems, match=r"no messages of .*it has no joint states"):
         bag_of(ros, [], "d.mcap", robot="ur3e", links={"": "wrist_3_link"})
+
+
+def test_absurd_numbers_are_lost_and_overflow_nothing(tmp_path, motion, load):
+    q = motion(600).q
+    markers, turns = mocap.placed(q), q.copy()
+    markers[40, 1, 2], turns[50, 0] = 1e305, 1e305
+    path = mocap.write_motive(tmp_path / "t.csv", 100.0, markers, turns, "Quaternion")
+    check(load(path, MARKERS), q)
+    check(load(path, {"foot": ["Shank"]}), q)

@@ -37,7 +37,7 @@ def test_a_broad_trial_given_to_the_reader_of_apdm_is_named(tmp_path, clock):
     with h5py.File(tmp_path / "b.hdf5", "w") as file:
         for name in ("imu_gyr", "imu_acc", "imu_mag"):
             file[name] = np.zeros((20, 3))
-    with pytest.raises(FileProblems, match="testbench import broad b.hdf5"):
+    with pytest.raises(FileProblems, match=r"testbench import broad b\.hdf5"):
         import_recording("apdm", [tmp_path / "b.hdf5"], tmp_path / "session", clock)
 
 

@@ -16,7 +16,14 @@ import numpy as np
 from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.text_table import head_of, split_line
 from testbench.formats.truth.number_rows import number_rows
-from testbench.formats.truth.tracked import METRES, Tracked, frame_times, points, stamped
+from testbench.formats.truth.tracked import (
+    METRES,
+    Tracked,
+    frame_times,
+    points,
+    quaternions,
+    stamped,
+)
 
 MARKERS = ("marker", "rigid body marker", "bone marker")
 BODIES = ("rigid body", "bone")
@@ -70,9 +77,7 @@ def read_motive(file: Path, rate: float | None) -> Tracked:
             found = points(flat, list(places), METRES[unit])
             tracked.markers = found | tracked.markers
     for name, place in _places(columns, BODIES, "rotation", "WXYZ").items():
-        q = rows[:, place]
-        q[~np.any(q != 0, axis=1)] = np.nan
-        tracked.bodies[name] = q
+        tracked.bodies[name] = quaternions(rows[:, place])
     form = header.get("Rotation Type", "Euler angles")
     for name in _places(columns, BODIES, "rotation", "XYZ"):
         if name not in tracked.bodies:

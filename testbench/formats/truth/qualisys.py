@@ -18,7 +18,7 @@ import numpy as np
 from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.tables.text_table import head_of
 from testbench.formats.truth.number_rows import number_rows
-from testbench.formats.truth.tracked import Tracked, frame_times, points, stamped
+from testbench.formats.truth.tracked import LARGEST_PART, Tracked, frame_times, points, stamped
 from testbench.model import rotation
 
 _KEY = re.compile(r"^[A-Z][A-Z_0-9]+(\t|$)")
@@ -98,6 +98,7 @@ def _orientation(own: np.ndarray) -> np.ndarray:
     """q_world_from_body of a body's columns, shape (n, 16) to (n, 4); NaN where lost."""
     q = np.full((len(own), 4), np.nan)
     matrices = own[:, 7:16].reshape(-1, 3, 3).transpose(0, 2, 1)
+    matrices = np.where(np.abs(matrices) <= LARGEST_PART, matrices, np.nan)
     product = np.einsum("nij,nkj->nik", matrices, matrices)
     known = np.abs(product - np.eye(3)).max(axis=(1, 2)) < ORTHOGONAL
     known &= np.linalg.det(np.where(known[:, None, None], matrices, np.eye(3))) > 0

@@ -13,6 +13,7 @@ from testbench.formats.recording import ImportedSensor
 from testbench.formats.tables.ros_bag import JOINT_STATE, POSES, TRANSFORMS, Bag
 from testbench.formats.truth.markers import set_truth
 from testbench.formats.truth.robot_log import RobotLog
+from testbench.formats.truth.tracked import quaternions
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.specs.strict import Placement
@@ -32,8 +33,8 @@ class _Edge:
     def arrays(self) -> tuple[np.ndarray, np.ndarray]:
         """Increasing times, shape (n,), int64, and unit quaternions, shape (n, 4)."""
         times, first = np.unique(np.array(self.times, np.int64), return_index=True)
-        q = np.array(self.q, dtype=float)[first]
-        known = np.linalg.norm(q, axis=1) > 0
+        q = quaternions(np.array(self.q, dtype=float).reshape(-1, 4)[first])
+        known = np.isfinite(q).all(axis=1)
         return times[known], rotation.normalise(q[known])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.source import Kind
 from testbench.formats.tables.sto_table import AXES, TIME, find_sto
-from testbench.formats.truth.tracked import Tracked, frame_times, stamped
+from testbench.formats.truth.tracked import Tracked, frame_times, quaternions, stamped
 
 
 def is_sto(lines: list[str]) -> bool:
@@ -40,6 +40,7 @@ def read_sto(file: Path, rate: float | None) -> Tracked:
             file, [Problem("its times do not increase; state the rate with --truth-rate HZ")]
         )
     bodies = {
-        body: np.column_stack([columns[f"{body}_{axis}"] for axis in AXES]) for body in table.bodies
+        body: quaternions(np.column_stack([columns[f"{body}_{axis}"] for axis in AXES]))
+        for body in table.bodies
     }
     return Tracked("OpenSim", times, bodies=bodies)

@@ -21,6 +21,10 @@ METRES = {
     "metres": 1.0,
 }
 """Metres of one unit of length, by its name in small letters."""
+FARTHEST_M = 1e4
+"""No camera sees so far: a marker beyond it is lost [m]."""
+LARGEST_PART = 1.1
+"""No part of a unit quaternion is larger: beyond it the orientation is lost."""
 
 
 @dataclass
@@ -74,6 +78,20 @@ def stamped(seconds: np.ndarray) -> np.ndarray | None:
     return np.round((seconds - seconds[0]) * NANOSECONDS).astype(np.int64)
 
 
+def quaternions(values: np.ndarray) -> np.ndarray:
+    """Orientations as a file has them, NaN where they are none.
+
+    Args:
+        values: w x y z, shape (n, 4); NaN or all zero where lost.
+
+    Returns:
+        Shape (n, 4).
+    """
+    q = np.array(values, dtype=float)
+    q[~(np.all(np.abs(q) <= LARGEST_PART, axis=1) & np.any(q != 0, axis=1))] = np.nan
+    return q
+
+
 def points(values: np.ndarray, names: Sequence[str], unit: float) -> dict[str, np.ndarray]:
     """Markers of columns x, y, z side by side.
 
@@ -89,6 +107,6 @@ def points(values: np.ndarray, names: Sequence[str], unit: float) -> dict[str, n
     for i, name in enumerate(names):
         own = values[:, 3 * i : 3 * i + 3] * unit
         own[~np.any(own != 0, axis=1)] = np.nan
-        own[~np.isfinite(own).all(axis=1)] = np.nan
+        own[~np.all(np.abs(own) <= FARTHEST_M, axis=1)] = np.nan
         result.setdefault(name, own)
     return result

@@ -17,7 +17,7 @@ from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.bytes_stream import LineStream, encoding_of
 from testbench.formats.tables.text_table import guess_separator, split_line
 from testbench.formats.truth.number_rows import number_rows
-from testbench.formats.truth.tracked import METRES, Tracked, frame_times, points
+from testbench.formats.truth.tracked import METRES, Tracked, frame_times, points, quaternions
 
 
 @dataclass(frozen=True)
@@ -138,9 +138,8 @@ def _add_bodies(section: _Section, rows: np.ndarray, tracked: Tracked) -> None:
     for (name, start), end in zip(starts.items(), ends, strict=True):
         own = section.axes[start:end]
         if {"RX", "RY", "RZ", "RW"} <= set(own):
-            q = rows[:, [start + own.index(axis) for axis in ("RW", "RX", "RY", "RZ")]]
-            q[~np.any(q != 0, axis=1)] = np.nan
-            tracked.bodies[name] = q
+            places = [start + own.index(axis) for axis in ("RW", "RX", "RY", "RZ")]
+            tracked.bodies[name] = quaternions(rows[:, places])
         elif "RX" in own:
             tracked.left_out[name] = (
                 "its rotation is three numbers, helical or Euler by a setting that the file does "
