@@ -82,7 +82,7 @@ def give_truth(
         )
     notes.append(
         f"{tracked.system}: {len(tracked.time_ns)} frames, the first at host time "
-        f"{shift_ns * 1e-9:g} s; where up is in its world, the motion tells"
+        f"{shift_ns * 1e-9:g} s; its world and the mounting are aligned by the motion"
     )
     for name, marks in chosen.items():
         sensor = sensors[name]

@@ -69,7 +69,7 @@ def read_motive(file: Path, rate: float | None) -> Tracked:
     times = _times(rows, columns, header, rate)
     if times is None:
         raise refuse("its times do not increase; state the rate with --truth-rate HZ", at + 2)
-    tracked = Tracked("Motive", times)
+    tracked = Tracked("Motive (y up)", times)
     for kind in MARKERS:
         places = _places(columns, (kind,), "position", "XYZ")
         if places:
