@@ -293,6 +293,11 @@ class TruthRequest(Asked):
     time_unit: str | None = Field(
         default=None, description="Of its times, where neither their title nor their size tell it."
     )
+    clusters: tuple[str, ...] = Field(
+        default=(),
+        description="Markers that carry the sensors, each `SENSOR=M1,M2,M3`; or `SENSOR=BODY`, a "
+        "rigid body, a frame or a topic of poses.",
+    )
 
 
 class ImportRequest(Asked):
