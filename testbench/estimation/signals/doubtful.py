@@ -200,8 +200,8 @@ class Gates:
 
     def slower(self) -> dict[str, float]:
         """Triads whose readings are new in one of several rows only, and in how many [rows]."""
-        found = {}
-        for key in self._triads:
+        found: dict[str, float] = {}
+        for key in () if self._frozen else self._triads:
             for runs in (self._traits.of[key].repeated, self._traits.of[key].missing):
                 if runs.period > 1:
                     found[key] = runs.rows / max(runs.rows - runs.old, 1)
