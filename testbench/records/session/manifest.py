@@ -52,6 +52,18 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="ignore", strict=True, frozen=True, allow_inf_nan=False)
 
 
+class FullScale(_Part):
+    """Largest magnitude that each axis can report; None where nobody says.
+
+    Attributes:
+        acc_m_s2: Of the accelerometer [m/s^2].
+        gyr_rad_s: Of the gyroscope [rad/s].
+    """
+
+    acc_m_s2: Annotated[float, Field(gt=0)] | None = None
+    gyr_rad_s: Annotated[float, Field(gt=0)] | None = None
+
+
 class SensorRecord(_Part):
     """What is known of a sensor, beside what the protocol says of it.
 
@@ -64,6 +76,7 @@ class SensorRecord(_Part):
         orientation: Whether it reports one of its own.
         temperature: Whether it reports the temperature of its part.
         sampling: "instantaneous" or "integrated".
+        full_scale: Largest readings, where somebody states them.
         rate_delay_s: How much older than its stamp a rate is.
         device_tag: By which a stored calibration finds the device again.
         truth: Where the truth of an import comes from.
@@ -78,6 +91,7 @@ class SensorRecord(_Part):
     orientation: bool = False
     temperature: bool = False
     sampling: str | None = None
+    full_scale: FullScale | None = None
     rate_delay_s: float | None = None
     device_tag: str | None = None
     truth: str | None = None
