@@ -256,7 +256,7 @@ def formats(
     from testbench.formats.mapping import find_mapping, list_mappings
 
     listings = {
-        "formats": {name: entry.description for name, entry in FORMATS.items()},
+        "formats": {name: entry.line for name, entry in FORMATS.items()},
         "mappings": {name: find_mapping(name).value.description for name in list_mappings()},
         "axes": {
             name: f"x: {a.x}, y: {a.y}, z: {a.z}. {a.description}"

@@ -255,13 +255,14 @@ def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
     """The rotation R that maximises trace(R' matrix): Wahba's problem (Markley 1988).
 
     Args:
-        matrix: Shape (3, 3).
+        matrix: Shape (..., 3, 3).
 
     Returns:
-        Shape (3, 3).
+        Shape (..., 3, 3).
     """
     u, _, vt = np.linalg.svd(matrix)
-    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+    u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
+    return np.asarray(u @ vt)
 
 
 def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
