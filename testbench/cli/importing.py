@@ -87,6 +87,15 @@ def import_files(
             rich_help_panel=OPEN_PANEL,
         ),
     ] = None,
+    encoding: Annotated[
+        str | None,
+        typer.Option(
+            "--encoding",
+            metavar="NAME",
+            help="Of text files: utf-8, utf-16, utf-16-le, utf-16-be, latin-1, cp1252.",
+            rich_help_panel=OPEN_PANEL,
+        ),
+    ] = None,
     truth: Annotated[
         Path | None,
         typer.Option(
@@ -198,6 +207,7 @@ def import_files(
             units=tuple(unit or ()),
             axes=axes,
             recorded_at=recorded_at,
+            encoding=encoding,
             truth=None
             if truth is None
             else TruthRequest(

@@ -35,7 +35,9 @@ def bring_in(asked: ImportRequest, clock: Clock | None = None) -> Session:
         FileProblems: A file is not of this format; nothing is written then.
     """
     units = _once("--unit", (_pair("--unit", text) for text in asked.units))
-    options = Options(asked.mapping, asked.rate_hz, units, asked.axes, asked.recorded_at)
+    options = Options(
+        asked.mapping, asked.rate_hz, units, asked.axes, asked.recorded_at, asked.encoding
+    )
     truth = None if asked.truth is None else _truth(asked.truth)
     files = [Path(file) for file in asked.files]
     return import_recording(

@@ -29,8 +29,8 @@ from testbench.formats.suitable import suitable_analysis
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
 from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import (
-    BLANKS,
     TextTable,
+    decimal_of,
     guess_separator,
     head_of,
     split_line,
@@ -119,7 +119,7 @@ def read(files: list[Path], options: Options) -> Recording:
     acc, gyr = files
     if re.search("gyr", acc.name, re.I) and not re.search("gyr", gyr.name, re.I):
         acc, gyr = gyr, acc
-    source = PairedTable(_table(acc), _table(gyr))
+    source = PairedTable(*(_table(file, options.encoding_or(None)) for file in (acc, gyr)))
     columns: dict[str, Kind] = dict.fromkeys(source.names[1:], "float")
 
     def stream(acc_factor: float, gyr_factor: float, offset: float) -> SampleStream:
@@ -178,18 +178,17 @@ def read(files: list[Path], options: Options) -> Recording:
     )
 
 
-def _table(file: Path) -> TextTable:
+def _table(file: Path, encoding: str | None) -> TextTable:
     """The rows below comments and titles, if there are any."""
-    lines = head_of(file)
+    lines = head_of(file, encoding)
     for number, line in enumerate(lines, 1):
         separator = guess_separator(line)
         fields = split_line(line, separator)
         if len(fields) == 4 and all(
-            re.fullmatch(r"[-+]?[\d.]+([eE][-+]?\d+)?|[Nn]a[Nn]", text) for text in fields
+            re.fullmatch(r"[-+]?[\d.,]+([eE][-+]?\d+)?|[Nn]a[Nn]", text) for text in fields
         ):
-            return TextTable(
-                file, list(NAMES), number, separator if separator != BLANKS else BLANKS
-            )
+            decimal = decimal_of(lines[number - 1 :], separator)
+            return TextTable(file, list(NAMES), number, separator, decimal, encoding)
         if re.match(r"\s*[-+.\d]", line) and line.strip():
             raise FileProblems(
                 file,

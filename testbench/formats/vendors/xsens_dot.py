@@ -79,7 +79,7 @@ def read(files: list[Path], options: Options) -> Recording:
     """
     if not files:
         raise InputError("an Xsens DOT recording needs at least one file")
-    dots = [_open(file) for file in files]
+    dots = [_open(file, options.encoding_or(None)) for file in files]
     stems = [stem_without_stamp(file.stem) for file in files]
     if len(set(map(str.lower, stems))) < len(stems):
         stems = [dot.header.get("DeviceTag") or stem for dot, stem in zip(dots, stems, strict=True)]
@@ -121,9 +121,13 @@ def _date(dots: list[DotFile]) -> Recorded | None:
     )
 
 
-def _open(file: Path) -> DotFile:
+# One piece: what the header says decides how the first rows are read.
+def _open(file: Path, encoding: str | None) -> DotFile:
     table, above = find_table(
-        file, re.compile(rf"\b{TIME}\b"), f"an Xsens DOT export (its header has {TIME})"
+        file,
+        re.compile(rf"\b{TIME}\b"),
+        f"an Xsens DOT export (its header has {TIME})",
+        encoding=encoding,
     )
     table.require([TIME], "an Xsens DOT export")
     header = {}
