@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from testbench.records.findings.finding import Finding, Severity, Value
-from testbench.records.findings.words import estimation, evaluation, general, recording
+from testbench.records.findings.words import (
+    estimation,
+    evaluation,
+    general,
+    recording,
+    structure,
+)
 from testbench.records.findings.words.template import Template
 
 SUBJECTS: tuple[dict[str, Template], ...] = (
@@ -11,6 +17,7 @@ SUBJECTS: tuple[dict[str, Template], ...] = (
     estimation.TEMPLATES,
     evaluation.TEMPLATES,
     recording.TEMPLATES,
+    structure.TEMPLATES,
 )
 """The templates by subject, one module each."""
 TEMPLATES: dict[str, Template] = {code: own for part in SUBJECTS for code, own in part.items()}
