@@ -85,6 +85,10 @@ FORMATS = {
         "x-io x-IMU3, Inertial.csv, Magnetometer.csv, Quaternion.csv and others, or their folders",
         "rows of the maker's examples",
     ),
+    "apdm": Format(
+        "testbench.formats.vendors.apdm",
+        "APDM Opal, HDF5 of Mobility Lab or Motion Studio, one or more sensors",
+    ),
     "mtw": Format(
         "testbench.formats.vendors.mtw",
         "Xsens MTw or MTi, text exported by MT Manager, one file a sensor",
@@ -93,6 +97,16 @@ FORMATS = {
     "mti_mat": Format(
         "testbench.formats.vendors.mti_mat",
         "MATLAB file with arrays acc, gyr, mag (Xsens MTi and others)",
+    ),
+    "rosbag": Format(
+        "testbench.formats.vendors.rosbag",
+        "ROS 1 bag, ROS 2 bag or MCAP with sensor_msgs/Imu, a sensor a topic",
+        "bags of the writers of rosbags and mcap",
+    ),
+    "opensim_sto": Format(
+        "testbench.formats.vendors.opensim_sto",
+        "OpenSim .sto, a table of orientations, a sensor a column",
+        "files of OpenSim's own writer",
     ),
     "generic": Format(
         "testbench.formats.vendors.generic",

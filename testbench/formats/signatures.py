@@ -1,4 +1,4 @@
-"""Which format a file seems to be of, by its first bytes or lines: a hint where another was named."""
+"""Which format a file seems to be of, by its first bytes or lines: a hint if another was named."""
 
 from __future__ import annotations
 

@@ -10,6 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from testbench.model.kernel_cache import forgive
+
+forgive()  # here, for nearly all that has kernels turns something
+
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 GIMBAL_LOCK = 1e-7
 """So near to its end the middle angle leaves only the sum or difference of the others [rad]."""

@@ -8,10 +8,7 @@ from pathlib import Path
 
 HEAD_BYTES = 512
 _ARRAYS = "the formats generic (--mapping), mti_mat and broad read it"
-_TOPIC = (
-    "export the topic of the sensor (sensor_msgs/Imu) to CSV or Parquet, and import that with the "
-    "format generic"
-)
+_TOPIC = "the format rosbag reads its topics: testbench import rosbag FILE"
 _UNPACK = "unpack it and import the files in it"
 _SHEET = "save the sheet as CSV (UTF-8) and import that"
 _VENDOR = "export it to text or CSV with the maker's software and import that"

@@ -8,6 +8,7 @@ from testbench.records.findings.words import (
     evaluation,
     general,
     recording,
+    samples,
     structure,
 )
 from testbench.records.findings.words.template import Template
@@ -17,6 +18,7 @@ SUBJECTS: tuple[dict[str, Template], ...] = (
     estimation.TEMPLATES,
     evaluation.TEMPLATES,
     recording.TEMPLATES,
+    samples.TEMPLATES,
     structure.TEMPLATES,
 )
 """The templates by subject, one module each."""
