@@ -65,9 +65,18 @@ def kind_of(file: Path) -> BinaryKind | None:
             file, [Problem("this is not a file" if file.exists() else "the file does not exist")]
         )
     try:
-        return binary_kind(file) or _BY_SUFFIX.get(file.suffix.lower())
+        kind = binary_kind(file) or _BY_SUFFIX.get(file.suffix.lower())
+        return None if kind is MATLAB and _is_text(file) else kind
     except OSError as error:
         raise FileProblems(file, [Problem(f"cannot be read: {error.strerror}")]) from None
+
+
+def _is_text(file: Path) -> bool:
+    """Whether a file begins with printable ASCII other than MATLAB's own, whatever it is called."""
+    with file.open("rb") as stream:
+        head = stream.read(512)
+    printable = all(byte in b"\t\r\n" or 32 <= byte < 127 for byte in head)
+    return bool(head) and printable and not head.startswith(b"MATLAB")
 
 
 def _text_table(file: Path, layout: TextLayout) -> TextTable:

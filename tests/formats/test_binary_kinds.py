@@ -49,8 +49,8 @@ def tarred() -> bytes:
 
 
 KINDS = {
-    "mcap": (b"\x89MCAP0\r\n" + bytes(40), "an MCAP file", "export the topic|rosbag"),
-    "ros 1 bag": (b"#ROSBAG V2.0\n" + bytes(40), "a ROS 1 bag", "export the topic|rosbag"),
+    "mcap": (b"\x89MCAP0\r\n" + bytes(40), "an MCAP file", "testbench import rosbag"),
+    "ros 1 bag": (b"#ROSBAG V2.0\n" + bytes(40), "a ROS 1 bag", "testbench import rosbag"),
     "xlsx": (zipped("[Content_Types].xml", "xl/workbook.xml"), "a spreadsheet", "as CSV"),
     "ods": (zipped("mimetype", "content.xml"), "a spreadsheet", "as CSV"),
     "docx": (zipped("word/document.xml"), "a word processor's file", "as plain text"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -41,11 +41,13 @@ class ArrayTable:
         file: Where they are from.
         found: By name, time along the first axis.
         closed: Names of what is in the file and cannot be opened, such as objects of MATLAB.
+        numbers: Single numbers that stand beside the arrays, such as a sampling rate.
     """
 
     file: Path
     found: Mapping[str, Rows]
     closed: tuple[str, ...] = ()
+    numbers: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._at: dict[str, tuple[str, int | None]] = {}

@@ -39,7 +39,7 @@ _PICKLE = BinaryKind(
     "a Python pickle", "it may run code when it is opened; save its arrays as CSV, Parquet or HDF5"
 )
 _BY_START: dict[bytes, BinaryKind] = {
-    b"\x89MCAP": BinaryKind("an MCAP file (robotics log)", _TOPIC),
+    b"\x89MCAP": BinaryKind("an MCAP file", _TOPIC),
     b"#ROSBAG": BinaryKind("a ROS 1 bag", _TOPIC),
     b"SQLite format 3\0": BinaryKind("an SQLite database, such as a ROS 2 bag (.db3)", _TOPIC),
     b"\x89HDF": HDF5,

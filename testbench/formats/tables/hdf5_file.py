@@ -66,8 +66,16 @@ def hdf5_table(file: Path) -> ArrayTable:
     size = file.stat().st_size
     found: dict[str, Dataset] = {}
     closed: list[str] = []
+    numbers: dict[str, float] = {}
 
     def look(group: Any, path: str, depth: int) -> None:
+        numbers.update(
+            {
+                f"{path}/{name}" if path else name: float(np.asarray(value).item())
+                for name, value in group.attrs.items()
+                if np.asarray(value).size == 1 and np.asarray(value).dtype.kind in "fiu"
+            }
+        )
         for name, item in group.items():
             place = f"{path}/{name}" if path else name
             if name.startswith("#") or len(found) > MOST_ARRAYS:
@@ -78,6 +86,8 @@ def hdf5_table(file: Path) -> ArrayTable:
             elif isinstance(item, h5py.Dataset):
                 if item.attrs.get("MATLAB_object_decode"):
                     closed.append(place)
+                elif item.size == 1 and item.dtype.kind in "fiu":
+                    numbers[place] = float(np.asarray(item).item())
                 elif item.nbytes > size * MOST_COMPRESSED:
                     claimed = f"{place} claims {item.nbytes / 1e9:.1f} GB, in a file of"
                     raise refuse(f"{claimed} {size / 1e6:.1f} MB: damaged")
@@ -90,7 +100,7 @@ def hdf5_table(file: Path) -> ArrayTable:
         raise
     except Exception as error:  # h5py has many for a damaged file
         raise refuse(f"not a readable HDF5 file: {str(error)[:200]}") from None
-    return ArrayTable(file, found, tuple(closed))
+    return ArrayTable(file, found, tuple(closed), numbers)
 
 
 def _datasets(place: str, item: Any) -> dict[str, Dataset]:

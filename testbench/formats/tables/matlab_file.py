@@ -69,7 +69,9 @@ def mat_table(file: Path) -> ArrayTable:
     content, closed = _load(file)
     found: dict[str, np.ndarray] = {}
     _flatten(content, "", found)
-    return ArrayTable(file, found, closed)
+    numbers = {name: float(array.item()) for name, array in found.items() if array.size == 1}
+    arrays = {name: array for name, array in found.items() if name not in numbers}
+    return ArrayTable(file, arrays, closed, numbers)
 
 
 def _flatten(content: dict[str, Any], path: str, found: dict[str, np.ndarray]) -> None:
@@ -86,7 +88,7 @@ def _flatten(content: dict[str, Any], path: str, found: dict[str, np.ndarray]) -
                 if isinstance(part, dict)
             }
             _flatten(parts, path, found)
-        elif array.dtype.kind in "fiub" and is_signal(array.shape):
+        elif array.dtype.kind in "fiub" and (array.size == 1 or is_signal(array.shape)):
             found[place] = upright(array)
 
 
