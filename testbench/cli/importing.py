@@ -75,7 +75,7 @@ def import_files(
         typer.Option(
             "--unit",
             metavar="WHAT=UNIT",
-            help="acc=g, gyr=rad/s, mag=uT: how to read it.",
+            help="acc=g, gyr=rad/s, mag=uT, time=ms: how to read it.",
             rich_help_panel=OPEN_PANEL,
         ),
     ] = None,
@@ -188,6 +188,15 @@ def import_files(
             rich_help_panel=TRUTH_PANEL,
         ),
     ] = None,
+    truth_time_unit: Annotated[
+        str | None,
+        typer.Option(
+            "--truth-time-unit",
+            metavar="UNIT",
+            help="Unit of its times: s, ms, us, ns, min, h, day.",
+            rich_help_panel=TRUTH_PANEL,
+        ),
+    ] = None,
     joint_unit: Annotated[
         JointUnit | None,
         typer.Option("--joint-unit", help="Unit of its joint angles.", rich_help_panel=TRUTH_PANEL),
@@ -207,11 +216,10 @@ def import_files(
     if out is None:
         raise InputError("--out SESSION is missing: the folder of the session, to be made")
     described = (robot, link, mounting, dwell, move, truth_rate, joint_unit, calibration_poses)
-    if truth is None and any(described):
+    if truth is None and (any(described) or truth_time_unit):
         raise InputError(
-            "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate and "
-            "--joint-unit describe the "
-            "file of --truth"
+            "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate, "
+            "--truth-time-unit and --joint-unit describe the file of --truth"
         )
     angles: Any = None if joint_unit is None else joint_unit.value
     session = bring_in(
@@ -238,6 +246,7 @@ def import_files(
                 rate_hz=truth_rate,
                 joint_unit=angles,
                 calibration_poses=calibration_poses,
+                time_unit=truth_time_unit,
             ),
         )
     )

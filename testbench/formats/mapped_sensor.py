@@ -28,17 +28,19 @@ from testbench.formats.mapping import (
 from testbench.formats.options import Options
 from testbench.formats.plausibility import Evidence, decide_unit, gather
 from testbench.formats.recording import ImportedSensor
+from testbench.formats.stamps import (
+    LOWEST_OF_TRUTH_HZ,
+    Asking,
+    Stamps,
+    rate_differs,
+    read_stamps,
+)
 from testbench.formats.tables.clocked_table import ClockedTable, SparseColumns
 from testbench.formats.tables.joined_table import Joined, JoinedTable
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
 from testbench.formats.tables.source import Columns, Kind, Source, first_rows
 from testbench.formats.tables.text_table import TextTable
-from testbench.formats.tables.timeline import (
-    BadRowError,
-    RegularTime,
-    StampedTime,
-    Timeline,
-)
+from testbench.formats.tables.timeline import BadRowError, RegularTime, Timeline
 from testbench.formats.truth.reference import collect, reference_truth
 from testbench.formats.units import find_unit
 from testbench.frames import NANOSECONDS
@@ -46,7 +48,7 @@ from testbench.model import rotation
 from testbench.model.earths import Q_ENU_FROM
 from testbench.model.kinematics import Pose
 from testbench.records.findings.catalogue import finding, noted
-from testbench.records.findings.finding import Finding
+from testbench.records.findings.finding import Finding, told_once
 from testbench.records.session.samples import Truth
 
 MUCH_FASTER = 1.1
@@ -111,12 +113,10 @@ class Mapped:
 
     Attributes:
         sensor: Of the recording.
-        findings: On it.
         read: File and title of each column.
     """
 
     sensor: ImportedSensor
-    findings: list[Finding]
     read: set[tuple[Path, str]]
 
 
@@ -241,9 +241,14 @@ def _check_used_once(build: Build, placed: dict[str, Placed], truth: list[str]) 
             raise build.place.problem(f"{p.time.column} is both its time and its value", quantity)
 
 
-def timeline_of(
-    place: Place, table: Table, time: TimeColumn | None, rate: float | None, counter: str | None
-) -> Callable[[], Timeline]:
+def stamps_of(
+    place: Place,
+    table: Table,
+    time: TimeColumn | None,
+    rate: float | None,
+    counter: str | None,
+    asking: Asking,
+) -> Stamps:
     """The clock of the rows of a table.
 
     Args:
@@ -252,21 +257,51 @@ def timeline_of(
         time: Its column of times, or None.
         rate: Of rows without times [Hz].
         counter: Column of a counter that keeps the place of lost rows without times.
+        asking: Whose times they are, and what a person answered.
 
     Raises:
+        InputError: The unit of the times cannot be right.
         FileProblems: There are neither times nor a rate, or the times were rounded away.
     """
-    if time is not None:
+    if time is not None and (asking.rate is None or counter is None):
         (column,) = columns_of(place.inside("time", "column"), table, [time.column])
-        rounded = table.rounded_times(column) if isinstance(table, TextTable) else None
+        rounded = None
+        if asking.rate is None and isinstance(table, TextTable):
+            rounded = table.rounded_times(column)
         if rounded is not None:
             raise rounded
-        return lambda: StampedTime(column, time.unit, time.wraps_bits)
+        return read_stamps(table, column, time.unit, asking, time.wraps_bits)
     if rate is None:
         raise place.problem(
             "neither time nor rate_hz is given; state the sampling rate here, or with --rate HZ"
         )
-    return lambda: RegularTime(rate, counter)
+    return Stamps(lambda: RegularTime(rate, counter), [])
+
+
+def _asking(build: Build, table: Table, time: TimeColumn | None, rate: float | None) -> Asking:
+    """Whose times the columns of a table are."""
+    by_clock = time is None or time.unit == "clock"
+    answer = None if by_clock else build.options.unit("time", None)
+    return Asking(
+        f"{table.file}: sensor '{build.name}'",
+        None if answer is None else answer.name,
+        key="time.unit: UNIT",
+        rate=rate,
+    )
+
+
+def _rates_differ(build: Build, time: TimeColumn | None, stamps: Stamps) -> list[Finding]:
+    """What is said of a rate that is stated beside a column of times."""
+    whole = build.place.document.value
+    if time is None:
+        return []
+    if build.options.rate is not None:
+        leave = "leave --rate out to believe the stamps"
+        return rate_differs(build.options.rate, "--rate", stamps.rate, False, leave)
+    if whole.rate_hz is None:
+        return []
+    correct = "correct rate_hz or time.unit of the mapping, or state the rate with --rate HZ"
+    return rate_differs(whole.rate_hz, "rate_hz of the mapping", stamps.rate, True, correct)
 
 
 def _time_place(build: Build, quantity: str, placed: Placed) -> Place:
@@ -281,14 +316,16 @@ class Together:
     Attributes:
         source: With all columns.
         titles: Columns there by quantity.
-        timeline: Of its rows.
+        stamps: Of its rows.
         main: Table that its rows are those of.
+        findings: On their times.
     """
 
     source: Source
     titles: dict[str, list[str]]
-    timeline: Callable[[], Timeline]
+    stamps: Stamps
     main: Table
+    findings: list[Finding]
 
 
 def _put_together(build: Build, placed: dict[str, Placed], counter: str | None) -> Together:
@@ -302,12 +339,11 @@ def _put_together(build: Build, placed: dict[str, Placed], counter: str | None) 
     kinds = {(p.table.file, p.time.column if p.time else None) for p in placed.values()}
     if len(kinds) == 1:
         p = placed[first]
-        stamped = build.options.rate is None and p.time is not None
-        timeline = timeline_of(
-            _time_place(build, first, p), p.table, p.time if stamped else None, rate, counter
-        )
+        asking = _asking(build, p.table, p.time, build.options.rate)
+        stamps = stamps_of(_time_place(build, first, p), p.table, p.time, rate, counter, asking)
         titles = {quantity: q.titles for quantity, q in placed.items()}
-        return Together(p.table, titles, timeline, p.table)
+        noticed = [*stamps.findings, *_rates_differ(build, p.time, stamps)]
+        return Together(p.table, titles, stamps, p.table, noticed)
     for quantity, p in placed.items():
         if p.time is None or build.options.rate is not None:
             raise build.place.problem(
@@ -316,10 +352,19 @@ def _put_together(build: Build, placed: dict[str, Placed], counter: str | None) 
                 quantity,
             )
     clocks = {
-        quantity: timeline_of(_time_place(build, quantity, p), p.table, p.time, None, None)
+        quantity: stamps_of(
+            _time_place(build, quantity, p),
+            p.table,
+            p.time,
+            None,
+            None,
+            _asking(build, p.table, p.time, None),
+        )
         for quantity, p in placed.items()
     }
-    firsts = {quantity: _first_times(p.table, clocks[quantity]) for quantity, p in placed.items()}
+    firsts = {
+        quantity: _first_times(p.table, clocks[quantity].timeline) for quantity, p in placed.items()
+    }
     rates = {quantity: _rate(placed[quantity].table, firsts[quantity]) for quantity in placed}
     main = first
     if first == "acc" and "gyr" in rest and rates["gyr"] > MUCH_FASTER * rates["acc"]:
@@ -330,13 +375,13 @@ def _put_together(build: Build, placed: dict[str, Placed], counter: str | None) 
 def _joined(
     build: Build,
     placed: dict[str, Placed],
-    clocks: dict[str, Callable[[], Timeline]],
+    clocks: dict[str, Stamps],
     rates: dict[str, float],
     main: str,
     origin_ns: int,
 ) -> Together:
     """Quantities of several tables at the times of the main one."""
-    base = ClockedTable(placed[main].table, clocks[main], origin_ns)
+    base = ClockedTable(placed[main].table, clocks[main].timeline, origin_ns)
     titles: dict[str, list[str]] = {}
     faster: list[Joined] = []
     slower: list[ClockedTable] = []
@@ -345,7 +390,7 @@ def _joined(
         if p.table is placed[main].table and same_time:
             titles[quantity] = p.titles
             continue
-        other = ClockedTable(p.table, clocks[quantity], origin_ns, f"{quantity}: ")
+        other = ClockedTable(p.table, clocks[quantity].timeline, origin_ns, f"{quantity}: ")
         titles[quantity] = [other.prefix + title for title in p.titles]
         values: dict[str, str | float] = {
             "quantity": quantity,
@@ -364,7 +409,8 @@ def _joined(
     source: Source = JoinedTable(base, base.time, faster) if faster else base
     for other in slower:
         source = SparseColumns(source, base.time, other, titles[MAGNETIC])
-    return Together(source, titles, clocks[main], placed[main].table)
+    noticed = told_once(found for stamps in clocks.values() for found in stamps.findings)
+    return Together(source, titles, clocks[main], placed[main].table, noticed)
 
 
 def _first_times(table: Table, clock: Callable[[], Timeline]) -> np.ndarray:
@@ -440,11 +486,12 @@ def mapped_sensor(build: Build) -> Mapped:
             temperature=columns[title] if title else None,
         )
 
-    stream = SampleStream(together.source, kinds, convert, together.timeline, counter)
+    build.findings += together.findings
+    stream = SampleStream(together.source, kinds, convert, together.stamps.timeline, counter)
     _notice_empty(build, placed, together, kinds)
     stated_rate = options.rate_or(whole.rate_hz)
-    regular = isinstance(together.timeline(), RegularTime)
-    rate = (stated_rate if regular else None) or measured_rate(stream.first()) or stated_rate
+    timed = next(iter(placed.values())).time is not None and options.rate is None
+    rate = (None if timed else stated_rate) or measured_rate(stream.first()) or stated_rate
     if rate is None:
         raise together.main.problem(
             f"the times of sensor '{build.name}' tell no rate; state it with --rate HZ"
@@ -455,10 +502,17 @@ def mapped_sensor(build: Build) -> Mapped:
     truth = _truth(build, together, stream, axes, truth_titles) if spec.truth else None
     description = spec.description or whole.description
     sensor = ImportedSensor(
-        stream, round(rate, 3), description, truth, _details(build, vectors, factors, rate)
+        stream,
+        round(rate, 3),
+        description,
+        truth,
+        _details(build, vectors, factors, rate),
+        build.findings,
+        stream.findings,
+        together.stamps.unix,
     )
     columns_read = {(p.table.file, column) for p in placed.values() for column in p.titles}
-    return Mapped(sensor, build.findings, columns_read)
+    return Mapped(sensor, columns_read)
 
 
 def _own_column(build: Build, key: str, table: Table) -> str | None:
@@ -587,13 +641,17 @@ def _truth(
 ) -> Truth:
     spec, place = build.spec.truth, build.place.inside("truth")
     assert spec is not None
-    table, timeline, origin = together.main, together.timeline, stream.origin_ns
+    table, stamps, origin = together.main, together.stamps, stream.origin_ns
     titles = in_rows
+    like: SampleStream | None = stream if together.source is table else None
     if spec.file is not None:
         file = together.main.file.parent / Path(spec.file).name
         given = [own for own in build.files.given if own.name == file.name]
         table = build.files.table(given[0] if given else file, spec.text)
-        timeline = timeline_of(place, table, spec.time, spec.rate_hz, None)
+        key = "truth.time.unit: UNIT in the mapping"
+        asking = Asking(f"{table.file}", flag=key, lowest_hz=LOWEST_OF_TRUTH_HZ)
+        stamps = stamps_of(place, table, spec.time, spec.rate_hz, None, asking)
+        like = None
         origin = stream.first_time_ns() if spec.same_clock else None
         titles = _truth_titles(place, spec, table)
     else:
@@ -608,7 +666,8 @@ def _truth(
         )
 
     kinds: dict[str, Kind] = dict.fromkeys([*titles, *marks], "float")
-    chunks = list(SampleStream(table, kinds, convert, timeline, origin_ns=origin))
+    own = SampleStream(table, kinds, convert, stamps.timeline, origin_ns=origin)
+    chunks = list(own.with_rows_of(like))
     time, q = collect(chunks)
     counted = np.concatenate([chunk.saturated for chunk in chunks]) if marks else None
     # without a mounting, the body is the sensor with the axes of the file

@@ -33,9 +33,12 @@ HEAD_LINES = 200
 BLOCK_BYTES = 2 << 20
 MISSING = ["", "NaN", "nan", "NAN", "NA", "N/A", "null", "-nan", "#N/A"]
 _CLOCK = (
-    r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}(?:[.,]\d+)?)\s*"
-    r"(?:(?P<p>[AaPp])\.?\s?[Mm]\.?|Z|[+-]\d{2}:?\d{2})?\s*$"
+    r"(?:(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})[T_ ]+)?"
+    r"(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2}(?:[.,]\d+)?))?\s*"
+    r"(?:(?P<p>[AaPp])\.?\s?[Mm]\.?|Z|(?P<zone>[+-]\d{2}):?(?P<zone_min>\d{2}))?\s*$"
 )
+"""A time of day, with a date before it or not: others than those that begin with the year can be
+read in two ways and are left out."""
 
 
 def head_of(file: Path, encoding: str | None = None) -> list[str]:
@@ -216,14 +219,7 @@ class TextTable:
                 f"{_rewritten(text)}",
                 done + row,
             )
-        h, m, s, p = (pc.struct_field(parts, i) for i in range(4))
-        hours, minutes, seconds = (
-            pc.cast(part, pa.float64()).to_numpy(zero_copy_only=False)
-            for part in (h, m, pc.replace_substring(s, ",", "."))
-        )
-        half = pc.utf8_upper(p).to_numpy(zero_copy_only=False)
-        hours = np.where(half == "", hours, hours % 12 + 12 * (half == "P"))
-        return 3600.0 * hours + 60.0 * minutes + seconds
+        return _instants(parts)
 
     def _rows(self) -> Iterator[tuple[int, str]]:
         """Number and text of every line that is a row."""
@@ -314,6 +310,39 @@ def _rewritten(text: str) -> str:
         f": it looks saved by a spreadsheet, {lost}; export the file again without opening it in "
         "one, or state --rate HZ in place of the times"
     )
+
+
+def _instants(parts: pa.Array) -> np.ndarray:
+    """Seconds since midnight, or since 1970 where there is a date; in UTC where a zone is stated.
+
+    Args:
+        parts: Structs of text as `_CLOCK` finds them, n of them.
+
+    Returns:
+        Shape (n,) [s].
+    """
+
+    def texts(part: str) -> pa.Array:
+        return pc.struct_field(parts, part)
+
+    def number(part: str) -> np.ndarray:
+        text = pc.replace_substring(pc.utf8_ltrim(texts(part), "+"), ",", ".")
+        filled = pc.if_else(pc.equal(text, ""), "0", text)
+        return pc.cast(filled, pa.float64()).to_numpy(zero_copy_only=False)
+
+    hours, half = number("h"), pc.utf8_upper(texts("p")).to_numpy(zero_copy_only=False)
+    if np.any(half != ""):
+        hours = np.where(half == "", hours, hours % 12 + 12 * (half == "P"))
+    seconds = 3600.0 * hours + 60.0 * number("m") + number("s")
+    if pc.any(pc.not_equal(texts("zone"), "")).as_py():
+        zone_min = number("zone_min")
+        behind = pc.starts_with(texts("zone"), "-").to_numpy(zero_copy_only=False)
+        seconds -= 3600.0 * number("zone") + 60.0 * np.where(behind, -zone_min, zone_min)
+    if pc.all(pc.not_equal(texts("year"), "")).as_py():
+        months = (number("year") - 1970) * 12 + number("month") - 1
+        first = months.astype(np.int64).astype("datetime64[M]").astype("datetime64[D]")
+        seconds += 86_400.0 * (first.astype(np.int64) + number("day") - 1)
+    return seconds
 
 
 def decimal_of(rows: Sequence[str], separator: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from testbench.exceptions import InputError
+from testbench.formats.common_clock import share_clock
 from testbench.formats.mapped_files import Files, Meant, Place, sensors_meant
 from testbench.formats.mapped_sensor import Build, Mapped, mapped_sensor
 from testbench.formats.mapping import MappingSpec, find_mapping
@@ -64,9 +65,11 @@ def read(files: list[Path], options: Options) -> Recording:
     findings = [
         finding("structure.mapping", file=document.file.name, description=spec.description),
         *_closed(opened),
-        *(found for one in mapped.values() for found in one.findings),
         *_shared(mapped),
     ]
+    if len({file for one in mapped.values() for file, _ in one.read}) > 1:
+        sensors = {name: one.sensor for name, one in mapped.items()}
+        findings += share_clock(sensors, None, "their times are no Unix times")
     if analysis.body is not None:
         named = [*(part.name for part in analysis.body.segments.values()), *analysis.body.joints]
         findings.append(finding("structure.body_kept", names=named))

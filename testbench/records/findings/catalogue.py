@@ -10,6 +10,7 @@ from testbench.records.findings.words import (
     recording,
     samples,
     structure,
+    time,
 )
 from testbench.records.findings.words.template import Template
 
@@ -20,6 +21,7 @@ SUBJECTS: tuple[dict[str, Template], ...] = (
     recording.TEMPLATES,
     samples.TEMPLATES,
     structure.TEMPLATES,
+    time.TEMPLATES,
 )
 """The templates by subject, one module each."""
 TEMPLATES: dict[str, Template] = {code: own for part in SUBJECTS for code, own in part.items()}
