@@ -9,6 +9,7 @@ from testbench.records.findings.words import (
     general,
     recording,
     samples,
+    structure,
     time,
     tracking,
 )
@@ -20,6 +21,7 @@ SUBJECTS: tuple[dict[str, Template], ...] = (
     evaluation.TEMPLATES,
     recording.TEMPLATES,
     samples.TEMPLATES,
+    structure.TEMPLATES,
     time.TEMPLATES,
     tracking.TEMPLATES,
 )
