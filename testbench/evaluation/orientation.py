@@ -26,7 +26,7 @@ from testbench.model import rotation
 from testbench.model.noise import random_stream
 from testbench.model.statistics.blocks import ErrorSeries, intervals, sample_series, step_series
 from testbench.model.truth import truth_at
-from testbench.records.results.estimate import SensorEstimate
+from testbench.records.results.estimate import FrameFit, SensorEstimate
 from testbench.records.results.evaluation import OrientationRow
 from testbench.records.results.evaluation_rows import (
     Comparison,
@@ -123,8 +123,41 @@ def sensor_errors(
             (step, rows[judged[rows]]) for step, rows in rows_by_step(steps, time, estimate.static)
         ]
         by_step = [(step, rows) for step, rows in counted if len(rows)]
-    errors = {key: orientation_errors(q, q_true) for key, q in estimate.orientation.items()}
+    errors = {
+        key: parted(orientation_errors(q, q_true), estimate.frames.get(key))
+        for key, q in estimate.orientation.items()
+    }
     return SensorErrors(name, estimate, q_true, judged, by_step, errors)
+
+
+def parted(errors: OrientationErrors, frames: FrameFit | None) -> OrientationErrors:
+    """Errors without heading and inclination where nobody knows the vertical of the truth's world.
+
+    Args:
+        errors: By a filter, each of shape (n,) [rad].
+        frames: Its alignment.
+    """
+    if frames is None or frames.up_known:
+        return errors
+    unknown = np.full(len(errors.total), np.nan)
+    return OrientationErrors(errors.total, unknown, unknown)
+
+
+def lost_truth(sensor: SensorErrors, truth: Truth) -> tuple[int, int] | None:
+    """How many samples between the first and the last known orientation have no truth, and how
+    many there are; None where all have.
+
+    Args:
+        sensor: Its errors.
+        truth: Of the sensor.
+    """
+    known = truth.host_time_ns[np.isfinite(truth.q_world_from_sensor[:, 0])]
+    if not len(known):
+        return None
+    time = sensor.estimate.host_time_ns
+    within = (time >= known[0]) & (time <= known[-1])
+    lost = int(np.sum(within & ~np.isfinite(sensor.q_true[:, 0])))
+    return (lost, int(within.sum())) if lost else None
 
 
 def sensor_rows(sensor: SensorErrors) -> list[OrientationRow]:
@@ -176,6 +209,8 @@ def summarise_sensor(
             ("heading", errors.heading),
             ("inclination", errors.inclination),
         ):
+            if not np.isfinite(error).any():  # nobody knows where up is
+                continue
             estimated = ANGLES[part](own) if part in ANGLES else None
             budget = stated.get(part)
             expanded = (

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.estimation.alignment.axes import true_rates
+from testbench.estimation.alignment.true_motion import rate_delay, sensor_clock
 from testbench.estimation.calibration.gyroscope import gravity_direction_errors, turn_figures
 from testbench.estimation.calibration.poses import (
     DIRECTION_SD,
@@ -30,7 +31,6 @@ from testbench.estimation.calibration.static_intervals import (
 )
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
 from testbench.estimation.filters import UniformSamples
-from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.estimation.signals.uniform import fill_gaps
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
@@ -39,7 +39,6 @@ from testbench.model.statistics.least_squares import PoorExcitation
 from testbench.model.truth import truth_at
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.calibration_result import Agreement, CalibrationPoses
-from testbench.records.results.estimate import ClockFit
 from testbench.records.session.samples import ImuSamples, Truth
 from testbench.records.session.session import Session
 
@@ -287,10 +286,8 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
     """
     # Longer than a screen: one step after another, each with what the ones before it found.
     samples, truth = session.imu(sensor), session.truth(sensor)
-    delay = session.manifest.sensors[sensor].rate_delay_s or 0.0
-    clock = (
-        fit_clock(samples, truth, delay) if session.analysis.estimate.align_clock else ClockFit()
-    )
+    described = session.manifest.sensors[sensor]
+    clock = sensor_clock(samples, truth, described, session.analysis.estimate.align_clock)
     uniform, rows = fill_gaps(samples, clock)
     host = clock.to_host(samples.device_time_ns)
     time = np.round(np.interp(np.arange(len(uniform.gyr)), rows, host.astype(float))).astype(
@@ -349,7 +346,7 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
         rests,
         truth,
         gravity,
-        delay,
+        rate_delay(samples, described),
         chosen,
         agreements,
         remarks,

@@ -46,6 +46,12 @@ class Quality:
         """Samples that any gate refuses, shape (n,), bool."""
         return np.logical_or.reduce(list(self.flags.values()))
 
+    def with_flags(self, further: dict[str, np.ndarray]) -> Quality:
+        """The same with further samples refused, by reason, each of shape (n,), bool."""
+        counted = {reason: int(flags.sum()) for reason, flags in further.items()}
+        numbers = None if self.numbers is None else self.numbers | counted
+        return Quality(self.flags | further, self.findings, numbers)
+
     def counts(self) -> dict[str, int]:
         """Number of samples refused by each gate."""
         return self.numbers or {reason: int(flags.sum()) for reason, flags in self.flags.items()}

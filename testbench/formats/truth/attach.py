@@ -87,6 +87,9 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
     if not options.file.is_file():
         raise InputError(f"--truth {options.file}: the file does not exist")
     notes: list[str] = []
+    if options.offset:
+        for sensor in recording.sensors.values():
+            sensor.details |= {"truth_offset_s": options.offset}
     if options.robot is None:
         _from_orientations(recording, options, notes)
     else:

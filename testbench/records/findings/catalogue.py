@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from testbench.records.findings.finding import Finding, Severity, Value
-from testbench.records.findings.words import estimation, evaluation, general, recording
+from testbench.records.findings.words import (
+    alignment,
+    estimation,
+    evaluation,
+    general,
+    recording,
+)
 from testbench.records.findings.words.template import Template
 
 SUBJECTS: tuple[dict[str, Template], ...] = (
     general.TEMPLATES,
+    alignment.TEMPLATES,
     estimation.TEMPLATES,
     evaluation.TEMPLATES,
     recording.TEMPLATES,
