@@ -241,7 +241,13 @@ def _not_axes(findings: list[Finding]) -> list[Finding]:
     return [found for found in findings if not found.code.startswith("axes.")]
 
 
-ONCE = {"frames.undetermined", "frames.still", "frames.not_level", "frames.up_unknown"}
+ONCE = {
+    "frames.undetermined",
+    "frames.still",
+    "frames.not_level",
+    "frames.up_undetermined",
+    "frames.up_unknown",
+}
 """Findings that are those of the motion, whichever filter shows them."""
 
 
@@ -530,7 +536,7 @@ def _align(sensor: PreparedSensor, key: str, q: np.ndarray) -> tuple[FrameFit, l
                 return _refused(key, "the truth is known too seldom to align it by motion")
             seconds = float(len(q)) * float(np.median(np.diff(time))) / NANOSECONDS
             fit = fit_frames_by_motion(q, q_true, seconds, up_stated)
-            return fit, findings_on(fit, key, up_stated)
+            return fit, findings_on(fit, key)
         if sensor.mounting is None or not len(q):
             return _refused(key, "the truth is known too seldom to align it by rates and gravity")
         fit, doubt = fit_frames_by_vectors(q, q_true, sensor.mounting)

@@ -124,20 +124,32 @@ def sensor_errors(
         ]
         by_step = [(step, rows) for step, rows in counted if len(rows)]
     errors = {
-        key: parted(orientation_errors(q, q_true), estimate.frames.get(key))
+        key: aligned_errors(q, q_true, estimate.frames.get(key, FrameFit()))
         for key, q in estimate.orientation.items()
     }
     return SensorErrors(name, estimate, q_true, judged, by_step, errors)
 
 
-def parted(errors: OrientationErrors, frames: FrameFit | None) -> OrientationErrors:
-    """Errors without heading and inclination where nobody knows the vertical of the truth's world.
+def aligned_errors(
+    q_estimated: np.ndarray, q_true: np.ndarray, frames: FrameFit
+) -> OrientationErrors:
+    """Errors, with heading and inclination about the vertical of the truth's world.
+
+    NaN for both where nobody knows that vertical.
 
     Args:
-        errors: By a filter, each of shape (n,) [rad].
-        frames: Its alignment.
+        q_estimated: q_world_from_sensor by a filter, shape (n, 4).
+        q_true: The truth, shape (n, 4).
+        frames: The filter's alignment.
     """
-    if frames is None or frames.up_known:
+    if frames.leans:
+        level_from_world = rotation.conjugate(
+            rotation.from_rotation_vector(np.radians(np.array(frames.tilt_deg)))
+        )
+        q_estimated = rotation.multiply(level_from_world, q_estimated)
+        q_true = rotation.multiply(level_from_world, q_true)
+    errors = orientation_errors(q_estimated, q_true)
+    if frames.up_known:
         return errors
     unknown = np.full(len(errors.total), np.nan)
     return OrientationErrors(errors.total, unknown, unknown)
@@ -211,7 +223,8 @@ def summarise_sensor(
         ):
             if not np.isfinite(error).any():  # nobody knows where up is
                 continue
-            estimated = ANGLES[part](own) if part in ANGLES else None
+            level = not sensor.estimate.frames.get(key, FrameFit()).leans
+            estimated = ANGLES[part](own) if part in ANGLES and level else None
             budget = stated.get(part)
             expanded = (
                 (None, None)

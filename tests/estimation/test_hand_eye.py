@@ -8,7 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.alignment.frame_alignment import apply_frames, fit_frames_by_motion
+from testbench.estimation.alignment.frame_alignment import (
+    apply_frames,
+    findings_on,
+    fit_frames_by_motion,
+)
 from testbench.estimation.alignment.hand_eye import solve_hand_eye
 
 TIME = np.linspace(0, 60, 1500)
@@ -77,9 +81,9 @@ def test_small_motion_beside_the_axis_is_warned_of_but_solved():
 
 def test_the_frames_that_are_fitted_bring_the_filter_to_the_truth():
     body, sensor, _, _ = pairs(RICH, 3)
-    fit, warning = fit_frames_by_motion(sensor, body, 60.0)
+    fit = fit_frames_by_motion(sensor, body, 60.0)
     assert fit.method == "motion"
-    assert warning is None
+    assert not fit.undetermined
     error = (
         Rotation.from_quat(apply_frames(sensor, fit), scalar_first=True)
         * Rotation.from_quat(body, scalar_first=True).inv()
@@ -90,10 +94,11 @@ def test_the_frames_that_are_fitted_bring_the_filter_to_the_truth():
 def test_without_enough_motion_only_the_heading_is_taken():
     body = np.tile(Rotation.from_euler("Z", 0.3).as_quat(scalar_first=True), (50, 1))
     sensor = np.tile(Rotation.from_euler("Z", 1.0).as_quat(scalar_first=True), (50, 1))
-    fit, warning = fit_frames_by_motion(sensor, body, 1.0)
+    fit = fit_frames_by_motion(sensor, body, 1.0)
     assert fit.method == "heading"
     assert fit.heading_deg == pytest.approx(np.degrees(-0.7))
-    assert warning is not None
+    assert len(fit.undetermined) == 3
+    assert [found.code for found in findings_on(fit, "vqf_6d")] == ["frames.still"]
 
 
 def test_two_pairs_are_refused():

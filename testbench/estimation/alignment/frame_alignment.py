@@ -67,7 +67,9 @@ def fit_frames_by_motion(
     pairs, independent = (q_world_from_sensor, q_earth_from_sensor), max(seconds, 1.0)
     solution = solve_hand_eye(*pairs, independent, up_known)
     heading, tilt = heading_and_tilt(solution.q_world_from_earth)
-    level = up_known and float(np.linalg.norm(tilt)) <= LEVEL_WITHIN
+    # where the tilt was chosen to be small, a small one says less
+    within = LEVEL_WITHIN if solution.trusted else LEVEL_WITHIN / 2
+    level = up_known and float(np.linalg.norm(tilt)) <= within
     if up_known and not level and not solution.trusted:
         solution = solve_hand_eye(*pairs, independent, False)
         heading, tilt = heading_and_tilt(solution.q_world_from_earth)
@@ -92,7 +94,8 @@ def fit_frames_by_motion(
         covariance_deg2=(solution.covariance * np.degrees(1.0) ** 2).tolist(),
         undetermined=solution.blind.tolist(),
         held_by=solution.held_by,
-        up_known=level,
+        up_known=up_known and (level or solution.trusted),
+        leans=up_known and not level,
     )
 
 
@@ -113,13 +116,12 @@ HELD = {
 }
 
 
-def findings_on(fit: FrameFit, filter_name: str, up_stated: bool) -> list[Finding]:
+def findings_on(fit: FrameFit, filter_name: str) -> list[Finding]:
     """What an alignment by motion could not determine, or hardly.
 
     Args:
         fit: The alignment.
         filter_name: Whose it is.
-        up_stated: Whether the z axis of the truth's world is said to point up.
     """
     found = []
     if len(fit.undetermined) == 1:
@@ -137,10 +139,11 @@ def findings_on(fit: FrameFit, filter_name: str, up_stated: bool) -> list[Findin
                     "frames.hardly", filter=filter_name, axis=axis, reached=reached, wanted=wanted
                 )
             )
-    if not fit.up_known:
-        tilt = float(np.linalg.norm(fit.tilt_deg))
-        leans = finding("frames.not_level", tilt_deg=round(tilt)) if up_stated else None
-        found.append(leans or finding("frames.up_unknown"))
+    if fit.leans:
+        code = "frames.not_level" if fit.up_known else "frames.up_undetermined"
+        found.append(finding(code, tilt_deg=round(float(np.linalg.norm(fit.tilt_deg)))))
+    elif not fit.up_known:
+        found.append(finding("frames.up_unknown"))
     return found
 
 

@@ -4,9 +4,9 @@ That is often written AX = ZB.
 Maximising sum (z' M_i x)^2, with M_i x = conj-product of the pair, is blind to the signs of the
 quaternions. The best rank-one approximation starts it, alternating eigenvectors finish it. Its
 information matrix says which rotation the motion cannot show: with a single axis of motion,
-turning the world and the mounting about that axis cancel. What it cannot show is held by a prior, and
-nothing else: the rotation is moved along the blind directions to where the world is level, if its
-vertical is known, else to where the mounting is nearest to the one that is believed.
+turning the world and the mounting about that axis cancel. What it cannot show is held by a prior,
+and nothing else: the rotation is moved along the blind directions to where the world is level, if
+its vertical is known, else to where the mounting is nearest to the one that is believed.
 """
 
 from __future__ import annotations

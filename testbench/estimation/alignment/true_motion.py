@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.estimation.alignment.truth_reading import confused, fit_rates, misread
 from testbench.estimation.signals.time_alignment import fit_clock
-from testbench.estimation.signals.truth_faults import find_faults
+from testbench.estimation.signals.truth_faults import find_faults, without_repetitions
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.findings.catalogue import finding
@@ -27,7 +27,7 @@ FOREIGN = 0.5
 """A truth whose rates explain less of the variance than this is remarked on [1]."""
 WELL = 0.95
 """A truth that explains more is the sensor's own [1]."""
-NOT_IN_THE_WAY = {"clock.shifted", "clock.unfitted"}
+NOT_IN_THE_WAY = {"clock.shifted", "clock.unfitted", "clock.as_stated"}
 """Findings on a clock by which the truth can still be compared."""
 
 
@@ -105,6 +105,9 @@ def true_motion(
     clock = sensor_clock(samples, truth, described, align)
     if truth is None:
         return TrueMotion(clock, None)
+    if align and clock.refused == "no common motion":
+        moving = without_repetitions(truth)
+        clock = clock if moving is None else sensor_clock(samples, moving, described, align)
     told = _clock_finding(clock, truth, described, samples)
     if told is not None and told.code not in NOT_IN_THE_WAY:
         return TrueMotion(clock, truth, findings=[told], unaligned=told.code)
@@ -151,6 +154,8 @@ def _clock_finding(
         return finding("clock.shifted", shift_s=shift, correlation=clock.correlation)
     if described.driver != IMPORTED:
         return finding("clock.unfitted")
+    if described.truth_offset_s is not None:
+        return finding("clock.as_stated", offset_s=described.truth_offset_s)
     if clock.refused == "periodic":
         shifts = ", ".join(f"{shift:+.2f}" for shift in clock.candidates_s)
         return finding("clock.periodic", shifts_s=shifts)

@@ -90,13 +90,10 @@ def fit_clock(
     # A device's clock may count from anywhere; about its own beginning offset and drift are far
     # from singular.
     zero = float(measured.time[0]) - float(true.time[0])
-    measured = _averaged(
-        RateMagnitude(measured.time - zero - delay, measured.rate, measured.width, measured.gap),
-        true.width,
-    )
+    measured = replace(measured, time=measured.time - zero - delay)
     if not common_host:
         return _fit_anywhere(measured, true, arrival, zero, near)
-    measured = measured.thinned(MOST_POINTS)
+    measured = _averaged(measured, true.width).thinned(MOST_POINTS)
     drift = 1e-6 * arrival.drift_ppm
     offset = arrival.offset_s - zero
     lag = _coarse_lag((measured.time - offset) / (1 + drift), measured.rate, true)
@@ -125,10 +122,11 @@ def _fit_anywhere(
         return replace(arrival, refused="unit", unit_factor=factor)
     if min(measured.rate.max(), true.rate.max()) < LEAST_RATE:
         return replace(arrival, refused="still")
+    measured = _averaged(measured, true.width)
     found = find_common_motion(measured, true)
     stated = arrival.offset_s - zero
     # Shifts are named as what is to be added to the truth's times as they were read.
-    shifts = [stated - lag for lag in found.candidates_s]
+    shifts = [lag - stated for lag in found.candidates_s]
     if not shifts:
         return replace(arrival, refused="no common motion", correlation=found.correlation)
     chosen = 0

@@ -143,6 +143,29 @@ def find_faults(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> Truth
     )
 
 
+def without_repetitions(truth: Truth) -> Truth | None:
+    """A truth without the rows in which it stood still; None where it never did for long.
+
+    What follows a lost part is a jump, and both hide the motion that is common to sensor and truth.
+
+    Args:
+        truth: Orientations by a reference.
+    """
+    q, time = truth.q_world_from_sensor, truth.host_time_ns
+    same = np.concatenate([(q[1:] == q[:-1]).all(axis=1), [False]])
+    long = [
+        (first, last)
+        for first, last in intervals_of(same, 1)
+        if time[last] - time[first] >= LEAST_FROZEN_S * NANOSECONDS
+    ]
+    if not long or truth.rate is not None:
+        return None
+    cleaned = q.copy()
+    for first, last in long:
+        cleaned[first : last + 1] = np.nan
+    return replace(truth, q_world_from_sensor=cleaned)
+
+
 def _samples_of(time_ns: np.ndarray, rows: np.ndarray, lost: np.ndarray) -> np.ndarray:
     """Samples between the rows on either side of the lost ones, shape (n,), bool."""
     marked = np.zeros(len(time_ns), dtype=bool)

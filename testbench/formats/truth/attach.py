@@ -47,7 +47,7 @@ class TruthOptions:
         mountings: Sensor in the link, or in the body whose orientation the file holds ("" for all).
         dwell: How long each commanded pose is held [s].
         move: How long each move takes [s]; None: found in the samples.
-        offset: Added to the file's times [s].
+        offset: Added to the file's times [s]; None where nobody knows when the file began.
         rate: Of a log without times [Hz].
         joint_unit: "deg" or "rad", where the log does not say.
         calibration_poses: The first so many commanded poses calibrate the sensors and are not
@@ -60,7 +60,7 @@ class TruthOptions:
     mountings: dict[str, Placement] = field(default_factory=dict)
     dwell: float | None = None
     move: float | None = None
-    offset: float = 0.0
+    offset: float | None = None
     rate: float | None = None
     joint_unit: str | None = None
     calibration_poses: int = 0
@@ -87,7 +87,7 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
     if not options.file.is_file():
         raise InputError(f"--truth {options.file}: the file does not exist")
     notes: list[str] = []
-    if options.offset:
+    if options.offset is not None:
         for sensor in recording.sensors.values():
             sensor.details |= {"truth_offset_s": options.offset}
     if options.robot is None:
@@ -120,7 +120,7 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
     log = read_robot_log(
         options.file, kinematics.robot.joint_names, options.rate, options.joint_unit, notes
     )
-    shift = round(options.offset * NANOSECONDS)
+    shift = round((options.offset or 0.0) * NANOSECONDS)
     if log.time_ns is None and options.dwell is None:
         raise InputError(
             f"{options.file} has {len(log.q)} joint poses without times: state how long each is "
@@ -191,7 +191,7 @@ def _from_orientations(recording: Recording, options: TruthOptions, notes: list[
         ).quaternion
         own: list[str] = []
         sensor.truth = reference_truth(
-            time + round(options.offset * NANOSECONDS), q, mounting, None, own
+            time + round((options.offset or 0.0) * NANOSECONDS), q, mounting, None, own
         )
         notes += [note for note in own if note not in notes]
     notes.append(

@@ -120,6 +120,7 @@ class FrameFit:
             truth's z axis is up), or "".
         up_known: Whether the vertical of the truth's world is known, so that errors can be parted
             into heading and inclination.
+        leans: Whether that vertical is not the world's z axis but what `tilt_deg` makes of it.
         refused: Why it could not be aligned, so that nothing is judged by it; "" where it was.
     """
 
@@ -134,6 +135,7 @@ class FrameFit:
     undetermined: list[list[float]] = field(default_factory=list)
     held_by: str = ""
     up_known: bool = True
+    leans: bool = False
     refused: str = ""
 
 

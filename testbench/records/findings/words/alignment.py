@@ -39,6 +39,11 @@ TEMPLATES = {
         "if both are on one clock, say so with `same_clock: true` beside the truth or "
         "`align_clock: false` in `estimate`",
     ),
+    "clock.as_stated": Template(
+        WARNING,
+        "its clock could not be fitted to the motion",
+        "the times of the truth are taken as stated, {offset_s:+.3f} s added to them",
+    ),
     "clock.truth_unit": Template(
         WARNING,
         "the truth's times fit its motion when multiplied by {factor:g}",
@@ -82,8 +87,14 @@ TEMPLATES = {
     "frames.not_level": Template(
         WARNING,
         "the z axis of the truth's world leans by {tilt_deg:.0f} deg against gravity",
-        "where up is in it was taken from the sensor, so errors are not parted into heading and "
-        "inclination",
+        "heading and inclination are those about the vertical that the sensor found in it, and a "
+        "constant inclination is not judged",
+        "confirm it with `world: unknown` beside the truth",
+    ),
+    "frames.up_undetermined": Template(
+        WARNING,
+        "the z axis of the truth's world does not point up",
+        "where up is in it cannot be found, so errors are not parted into heading and inclination",
         "confirm it with `world: unknown` beside the truth",
     ),
     "frames.up_unknown": Template(
