@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from testbench.cli.options import JsonOption, complete_robot
-from testbench.cli.output import say, say_json, say_table
+from testbench.cli.output import say, say_findings, say_json, say_table
 
 if TYPE_CHECKING:
     from testbench.records.session.session import Session
@@ -229,14 +229,14 @@ def _say_imported(session: Session, json: bool) -> None:
                 "duration_s": manifest.duration_s,
                 "recorded_utc": manifest.recorded_utc,
                 "recorded_by": manifest.recorded_by,
+                "findings": manifest.findings,
                 "notes": manifest.notes,
             }
         )
         return
     for name, count in manifest.samples.items():
         say(f"{name}: {count} samples at {manifest.sensors[name].rate_hz:g} Hz")
-    for note in manifest.notes:
-        say(f"note: {note}")
+    say_findings(manifest.findings)
     say(f"duration: {manifest.duration_s or 0.0:.1f} s")
     dated = (
         f"{manifest.recorded_utc}, by {manifest.recorded_by}"
@@ -256,7 +256,7 @@ def formats(
     from testbench.formats.mapping import find_mapping, list_mappings
 
     listings = {
-        "formats": {name: entry.description for name, entry in FORMATS.items()},
+        "formats": {name: entry.line for name, entry in FORMATS.items()},
         "mappings": {name: find_mapping(name).value.description for name in list_mappings()},
         "axes": {
             name: f"x: {a.x}, y: {a.y}, z: {a.z}. {a.description}"

@@ -372,8 +372,10 @@ def prepare_sensor(
         motion = replace(motion, truth=recording.truth.near(time))
     truth = None if motion.unaligned else motion.truth
     uniform, rows = access.regular(clock)
-    static = detect_static(uniform.angular_rate(), uniform.interval, rows)[rows]
-    quality = access.quality(clock, static).with_flags(motion.lost)
+    measured = access.measured
+    resting = detect_static(uniform.angular_rate(), uniform.interval, rows[measured])
+    static = resting[rows] & measured
+    quality = access.quality(static).with_flags(motion.lost)
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration = _calibrate(
@@ -518,17 +520,18 @@ def _align(sensor: PreparedSensor, key: str, q: np.ndarray) -> tuple[FrameFit, l
         q: q_earth_from_sensor by it, shape (n, 4).
     """
     run, truth, time = sensor.facts, sensor.motion.truth, sensor.estimate.host_time_ns
+    sound = ~sensor.estimate.flagged
     method, up_stated = run.settings.align, sensor.described.truth_world == "z_up"
     if method == "none" or truth is None or sensor.motion.unaligned:
         return FrameFit(up_known=up_stated), []
     if sensor.aligned_to is not None:
-        q, time = q[:: sensor.aligned_every], time[:: sensor.aligned_every]
-        sound = ~_lost(sensor)[:: sensor.aligned_every]
+        every = sensor.aligned_every
+        q, time, sound = q[::every], time[::every], sound[::every]
         known = (
-            before_judging(run.steps, time)
+            sound
+            & before_judging(run.steps, time)
             & np.isfinite(sensor.aligned_to[:, 0])
             & np.isfinite(q[:, 0])
-            & sound
         )
         q, q_true = q[known], sensor.aligned_to[known]
         if method == "motion":
@@ -545,7 +548,7 @@ def _align(sensor: PreparedSensor, key: str, q: np.ndarray) -> tuple[FrameFit, l
     if step is None:
         return _refused(key, "there is no dwell to align it in")
     begin, end = aligning_part(step)
-    mine = (time >= begin) & (time <= end)
+    mine = sound & (time >= begin) & (time <= end)
     known = (
         (truth.host_time_ns >= begin)
         & (truth.host_time_ns <= end)
@@ -554,12 +557,6 @@ def _align(sensor: PreparedSensor, key: str, q: np.ndarray) -> tuple[FrameFit, l
     if not mine.any() or not known.any():
         return _refused(key, "neither it nor the truth is known in the reference pose")
     return fit_frames(q[mine], truth.q_world_from_sensor[known], method), []
-
-
-def _lost(sensor: PreparedSensor) -> np.ndarray:
-    """Samples at which the truth was lost, shape (n,), bool."""
-    none = np.zeros(len(sensor.estimate.host_time_ns), dtype=bool)
-    return np.logical_or.reduce([none, *sensor.motion.lost.values()])
 
 
 def _refused(key: str, why: str) -> tuple[FrameFit, list[Finding]]:

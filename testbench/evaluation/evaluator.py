@@ -170,10 +170,11 @@ def _sensor_tables(
         finding("judged.filter_left_out", name, filter=key, why=why)
         for key, why in sensor.skipped.items()
     ]
+    told = {own.values.get("reason") for own in sensor.findings if own.code.startswith("samples.")}
     found += [
         finding("judged.samples_left_out", name, count=count, reason=reason)
         for reason, count in sensor.quality.items()
-        if count
+        if count and reason.removeprefix("excluded: ") not in told
     ]
     found += [own.at(name) for own in sensor.findings]
     samples = session.imu(name, every=sensor.every) if sensor.stored_calibration is None else None

@@ -71,6 +71,8 @@ class Recording:
         findings: What is to be said of the samples.
         steps: Of the arm, where its poses are known.
         recorded: When it was made, None where nobody says.
+        origin_ns: What the clock of the files said at host time zero, where a truth on the same
+            clock may come from another file [ns].
     """
 
     name: str
@@ -81,6 +83,12 @@ class Recording:
     findings: list[Finding] = field(default_factory=list)
     steps: list[PlannedStep] = field(default_factory=list)
     recorded: Recorded | None = None
+    origin_ns: int | None = None
+
+    @property
+    def told(self) -> list[Finding]:
+        """All that was noticed."""
+        return told_once([*self.findings, *(noted(note) for note in self.notes)])
 
 
 def write_recording(
@@ -122,9 +130,7 @@ def write_recording(
             "recorded_utc": utc_text(recording.recorded.at) if recording.recorded else None,
             "recorded_by": recording.recorded.source if recording.recorded else None,
             "protocol": {"name": recording.name, "purpose": recording.purpose},
-            "findings": told_once(
-                [*recording.findings, *(noted(note) for note in recording.notes)]
-            ),
+            "findings": recording.told,
         },
     )
     begin, end, counts = np.inf, -np.inf, {}

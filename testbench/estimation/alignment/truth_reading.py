@@ -74,7 +74,9 @@ def fit_rates(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> RateFit
     known = np.isfinite(samples.gyr).all(axis=1)
     if known.sum() < 20:
         return None
-    gyr = moving_mean(samples.gyr - rest_reading(samples.gyr[known]), count)
+    without_bias = samples.gyr - rest_reading(samples.gyr[known])
+    gyr = moving_mean(np.where(known[:, None], without_bias, 0.0), count)
+    gyr[moving_mean(known, count) < 0.999] = np.nan
     pick = np.unique(np.linspace(0, len(gyr) - 1, min(len(gyr), MOST_SAMPLES)).round().astype(int))
     rate, sound = true_rates(replace(truth, rate=None), time_ns[pick], count * step)
     sound &= np.isfinite(gyr[pick]).all(axis=1)

@@ -28,6 +28,9 @@ _KNOWN_BINARY = {
     b"\x89PNG": "a picture",
     b"{\\rtf": "a word processor's file",
     b"\xfa\xff": "a binary Xsens log (.mtb)",
+    b"\x89MCAP0": "an MCAP file",
+    b"#ROSBAG V": "a bag of ROS 1",
+    b"SQLite format 3": "an SQLite file, such as a bag of ROS 2 (.db3)",
 }
 
 

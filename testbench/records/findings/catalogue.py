@@ -9,6 +9,7 @@ from testbench.records.findings.words import (
     evaluation,
     general,
     recording,
+    samples,
 )
 from testbench.records.findings.words.template import Template
 
@@ -18,6 +19,7 @@ SUBJECTS: tuple[dict[str, Template], ...] = (
     estimation.TEMPLATES,
     evaluation.TEMPLATES,
     recording.TEMPLATES,
+    samples.TEMPLATES,
 )
 """The templates by subject, one module each."""
 TEMPLATES: dict[str, Template] = {code: own for part in SUBJECTS for code, own in part.items()}
