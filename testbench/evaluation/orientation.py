@@ -65,7 +65,9 @@ class SensorErrors:
         columns = {"host_time_ns": self.estimate.host_time_ns, "judged": self.judged}
         for key, errors in self.errors.items():
             for part in ("total", "heading", "inclination"):
-                columns[f"{key}_{part}_rad"] = getattr(errors, part).astype(np.float32)
+                values = getattr(errors, part)
+                if part == "total" or np.isfinite(values).any():
+                    columns[f"{key}_{part}_rad"] = values.astype(np.float32)
         return columns
 
     def by_motion(self) -> dict[str, np.ndarray]:

@@ -376,7 +376,10 @@ def _truth(
     if spec.file is not None:
         source = open_table(table.file.parent / Path(spec.file).name, spec.text)
         timeline = _timeline(place, source, spec.time, spec.rate_hz, None)
-        origin = stream.first_time_ns() if spec.same_clock else None
+        settings = place.document.value.estimate
+        # who wants no clock fitted says that the times are on one clock
+        same_clock = spec.same_clock or (settings is not None and not settings.align_clock)
+        origin = stream.first_time_ns() if same_clock else None
     titles = _columns(place.inside("columns"), source, spec.columns)
     marks = (
         _columns(place.inside("judged"), source, [spec.judged]) if spec.judged is not None else []
