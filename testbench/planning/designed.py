@@ -119,12 +119,7 @@ def design_protocol(
     without: set[tuple[float, ...]] = set()
     while True:
         design = designer.design(wanted, without)
-        lost = [parameter for parameter, sd in design.accelerometer.items() if not np.isfinite(sd)]
-        if lost:
-            raise InputError(
-                f"poses of these joints leave {', '.join(lost)} undetermined; let other joints "
-                "move with --joints"
-            )
+        _refuse_undetermined(design)
         gain = _gain(before, q, dwell, designer, design, wanted)
         sentence = _sentence(
             gain,
@@ -151,6 +146,20 @@ def design_protocol(
         write_text(out, draft.text(via_home), anew=True)
     rows = _rows(before.judged(q, [], dwell), design)
     return DesignedProtocol(checked, like, before.robot.name, rows, gain, sentence)
+
+
+def _refuse_undetermined(design: Design) -> None:
+    """Refuse poses that leave a parameter of the accelerometer unknown.
+
+    Raises:
+        InputError: Names those that they do.
+    """
+    lost = [parameter for parameter, sd in design.accelerometer.items() if not np.isfinite(sd)]
+    if lost:
+        raise InputError(
+            f"poses of these joints leave {', '.join(lost)} undetermined; let other joints "
+            "move with --joints"
+        )
 
 
 def _check_file(out: Path) -> None:
