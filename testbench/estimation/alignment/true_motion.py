@@ -25,6 +25,8 @@ STILL = np.radians(1.0)
 """A truth that stays within this needs no clock [rad]."""
 FOREIGN = 0.5
 """A truth whose rates explain less of the variance than this is remarked on [1]."""
+ALIKE = 0.9
+"""Magnitudes of rates that correlate by more are those of one motion [1]."""
 WELL = 0.95
 """A truth that explains more is the sensor's own [1]."""
 NOT_IN_THE_WAY = {"clock.shifted", "clock.unfitted", "clock.as_stated"}
@@ -124,15 +126,20 @@ def true_motion(
         lost = {"the truth stands still": faults.frozen, "the truth has stepped": faults.stepped}
         lost = {reason: flags for reason, flags in lost.items() if flags.any()}
     unaligned = ""
-    if described.driver == IMPORTED:
+    if whole and described.driver == IMPORTED:
         read = _rate_instants(samples, clock, described)
         fit = fit_rates(samples, read, truth)
         wrong = None if fit is None else misread(samples, read, truth, fit)
         if wrong is not None:
             findings.append(wrong)
             unaligned = wrong.code
-        elif fit is not None and fit.explained < FOREIGN:
-            findings.append(finding("truth.foreign", percent=100 * max(fit.explained, 0.0)))
+        elif fit is not None and fit.explained < FOREIGN and fit.magnitudes < ALIKE:
+            foreign = finding("truth.foreign", percent=100 * max(fit.explained, 0.0))
+            if clock.method == "angular_rate":  # two logs that begin and rest alike
+                findings = [own for own in findings if own.code != "clock.shifted"]
+                foreign = finding("clock.no_common_motion", correlation=fit.magnitudes)
+                unaligned = foreign.code
+            findings.append(foreign)
     return TrueMotion(clock, truth, lost, findings, unaligned)
 
 

@@ -48,10 +48,12 @@ class RateFit:
     Attributes:
         explained: Part of the variance, the rates turned by the best rotation [1].
         mounting: Angle of that rotation [rad].
+        magnitudes: Correlation of the magnitudes, which no axis or reading changes [1].
     """
 
     explained: float
     mounting: float
+    magnitudes: float
 
 
 def fit_rates(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> RateFit | None:
@@ -90,7 +92,9 @@ def fit_rates(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> RateFit
     R = rotation.nearest_rotation(profile)
     gain = float(np.sum(R * profile) / max(float(np.sum(read**2)), 1e-30))
     left = float(np.sum((true - gain * read @ R.T) ** 2) / np.sum(true**2))
-    return RateFit(1 - left, float(rotation.angle(rotation.from_matrix(R))))
+    lengths = rotation.lengths(true), rotation.lengths(read)
+    alike = float(np.corrcoef(*lengths)[0, 1]) if all(np.ptp(own) > 0 for own in lengths) else 0.0
+    return RateFit(1 - left, float(rotation.angle(rotation.from_matrix(R))), alike)
 
 
 def misread(samples: ImuSamples, time_ns: np.ndarray, truth: Truth, fit: RateFit) -> Finding | None:
@@ -149,7 +153,7 @@ def confused(
     found: dict[str, RateFit] = {}
     for name, (truth, instants) in others.items():
         fit = fit_rates(samples, time_ns if instants is None else instants, truth)
-        if fit is not None and _better(fit, RateFit(explained, 0.0)):
+        if fit is not None and _better(fit, RateFit(explained, 0.0, 0.0)):
             found[name] = fit
     if not found:
         return None

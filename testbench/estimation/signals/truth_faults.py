@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
-from testbench.estimation.signals.rates import rest_reading
+from testbench.estimation.signals.rates import LOST_S, rest_reading
 from testbench.estimation.signals.segmentation import intervals_of
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
@@ -40,6 +40,8 @@ DRIFT = np.radians(0.1)
 """Speed at which its turn goes wrong [rad/s]."""
 LOOSEST = np.radians(25.0)
 """Pieces that cannot be compared better than this are not compared [rad]."""
+ANY_TURN = 1e3
+"""What a sensor may have turned by while it gave no samples [rad]."""
 COMPARED_S, INSTANTS = 0.5, 5
 """Pieces are compared at so many instants of so long an end of each [s]."""
 LEAST_ROWS = 3
@@ -85,12 +87,14 @@ class _Turning:
         rest = rest_reading(gyr[known]) if known.any() else np.zeros(3)
         rate = np.where(known[:, None], gyr - rest, 0.0)
         seconds = np.diff(time_ns, prepend=time_ns[:1]) / NANOSECONDS
-        turns = rate * np.clip(seconds, 0.0, 1.0)[:, None]
+        lost = seconds > LOST_S
+        seconds = np.where(lost, 0.0, seconds)
+        turns = rate * seconds[:, None]
         smooth = moving_mean(rate, max(round(SMOOTHED_S / max(float(np.median(seconds)), 1e-6)), 1))
         return _Turning(
             time_ns,
             _chained(rotation.from_rotation_vector(turns)),
-            np.cumsum(rotation.lengths(rate) * seconds),
+            np.cumsum(rotation.lengths(rate) * seconds + np.where(lost, ANY_TURN, 0.0)),
             np.cumsum(rotation.lengths(smooth) * seconds),
         )
 
@@ -180,10 +184,14 @@ def _frozen(rows: np.ndarray, q: np.ndarray, turning: _Turning) -> list[tuple[in
     """First and last row of stretches in which the truth repeats itself while the sensor turns."""
     same = np.concatenate([(q[1:] == q[:-1]).all(axis=1), [False]])
     path = np.interp(rows, turning.time_ns, turning.slow_path)
+    steps = np.diff(turning.time_ns, prepend=turning.time_ns[:1])
+    steps = np.where(steps > LOST_S * NANOSECONDS, 0, steps)
+    sampled = np.interp(rows, turning.time_ns, np.cumsum(steps))
     found = []
     for first, last in intervals_of(same, 1):
         seconds = (rows[last] - rows[first]) / NANOSECONDS
         turned = path[last] - path[first]
+        seconds = min(seconds, float(sampled[last] - sampled[first]) / NANOSECONDS)
         if seconds >= LEAST_FROZEN_S and turned > max(LEAST_TURN, LEAST_RATE * seconds):
             found.append((first, last))
     return found
