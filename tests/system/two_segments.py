@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-RATE, TRUTH_RATE, FINE = 100.0, 50.0, 1000.0
+RATE, TRUTH_RATE, FINE = 50.0, 25.0, 500.0
 DRIFT_PPM = 100.0
 GRAVITY_UP = np.array([0.0, 0.0, 9.80665])
 
@@ -67,7 +67,7 @@ def waves(rng: np.random.Generator, time: np.ndarray, size: float, most_hz: floa
     return size * total * envelope[width:-width] / 2
 
 
-def pendulum(seed: int, seconds: float = 150.0) -> Scene:
+def pendulum(seed: int, seconds: float = 130.0) -> Scene:
     """Two segments that swing about level, parallel hinges: all motion is about one axis."""
     rng = np.random.default_rng(seed)
     time = np.arange(0, seconds, 1 / FINE)
@@ -83,7 +83,7 @@ def pendulum(seed: int, seconds: float = 150.0) -> Scene:
     return Scene(time, segments, Rotation.random(rng=rng), 60.0)
 
 
-def stick(seed: int, seconds: float = 150.0) -> Scene:
+def stick(seed: int, seconds: float = 130.0) -> Scene:
     """Two sticks with a ball joint between them, turned by hand about every axis."""
     rng = np.random.default_rng(seed)
     time = np.arange(0, seconds, 1 / FINE)

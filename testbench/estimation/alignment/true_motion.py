@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -113,34 +113,60 @@ def true_motion(
     told = _clock_finding(clock, truth, described, samples)
     if told is not None and told.code not in NOT_IN_THE_WAY:
         return TrueMotion(clock, truth, findings=[told], unaligned=told.code)
-    findings = [] if told is None else [told]
-    lost: dict[str, np.ndarray] = {}
-    if whole and described.driver == IMPORTED and clock.method != "arrival":
-        time = clock.to_host(samples.device_time_ns)
-        faults = find_faults(samples, time, truth)
-        if faults.findings and align:
-            clock = sensor_clock(samples, faults.truth, described, align)
-            faults = find_faults(samples, clock.to_host(samples.device_time_ns), truth)
-        truth = faults.truth
-        findings += faults.findings
-        lost = {"the truth stands still": faults.frozen, "the truth has stepped": faults.stepped}
-        lost = {reason: flags for reason, flags in lost.items() if flags.any()}
-    unaligned = ""
-    if whole and described.driver == IMPORTED:
-        read = _rate_instants(samples, clock, described)
-        fit = fit_rates(samples, read, truth)
-        wrong = None if fit is None else misread(samples, read, truth, fit)
-        if wrong is not None:
-            findings.append(wrong)
-            unaligned = wrong.code
-        elif fit is not None and fit.explained < FOREIGN and fit.magnitudes < ALIKE:
-            foreign = finding("truth.foreign", percent=100 * max(fit.explained, 0.0))
-            if clock.method == "angular_rate":  # two logs that begin and rest alike
-                findings = [own for own in findings if own.code != "clock.shifted"]
-                foreign = finding("clock.no_common_motion", correlation=fit.magnitudes)
-                unaligned = foreign.code
-            findings.append(foreign)
-    return TrueMotion(clock, truth, lost, findings, unaligned)
+    if not whole or described.driver != IMPORTED:
+        return TrueMotion(clock, truth, findings=[] if told is None else [told])
+    sound = _without_faults(samples, TrueMotion(clock, truth), described, align)
+    told = _clock_finding(sound.clock, truth, described, samples)
+    doubt = _doubt(samples, sound, described)
+    findings = [*sound.findings]
+    if doubt is not None:
+        findings.append(doubt)
+    if told is not None and (doubt is None or doubt.code != "clock.no_common_motion"):
+        findings.insert(0, told)
+    unaligned = "" if doubt is None or doubt.code == "truth.foreign" else doubt.code
+    return replace(sound, findings=findings, unaligned=unaligned)
+
+
+def _without_faults(
+    samples: ImuSamples, motion: TrueMotion, described: SensorRecord, align: bool
+) -> TrueMotion:
+    """The truth without its lost parts, and the clock that is fitted to the rest.
+
+    A truth whose rest does not turn as the sensor does is another's: it is left as it is.
+    """
+    assert motion.truth is not None
+    if motion.clock.method == "arrival":
+        return motion
+    clock = motion.clock
+    faults = find_faults(samples, clock.to_host(samples.device_time_ns), motion.truth)
+    if faults.findings and align:
+        clock = sensor_clock(samples, faults.truth, described, align)
+        if clock.refused:
+            return motion
+        faults = find_faults(samples, clock.to_host(samples.device_time_ns), motion.truth)
+    if not faults.findings:
+        return motion
+    fit = fit_rates(samples, _rate_instants(samples, clock, described), faults.truth)
+    if fit is not None and fit.magnitudes < ALIKE:
+        return motion
+    lost = {"the truth stands still": faults.frozen, "the truth has stepped": faults.stepped}
+    lost = {reason: flags for reason, flags in lost.items() if flags.any()}
+    return TrueMotion(clock, faults.truth, lost, faults.findings)
+
+
+def _doubt(samples: ImuSamples, motion: TrueMotion, described: SensorRecord) -> Finding | None:
+    """Whether the truth, as it was read, is that of the sensor."""
+    assert motion.truth is not None
+    read = _rate_instants(samples, motion.clock, described)
+    fit = fit_rates(samples, read, motion.truth)
+    if fit is None:
+        return None
+    wrong = misread(samples, read, motion.truth, fit)
+    if wrong is not None or fit.explained >= FOREIGN or fit.magnitudes >= ALIKE:
+        return wrong
+    if motion.clock.method == "angular_rate":  # two logs that begin and rest alike
+        return finding("clock.no_common_motion", correlation=fit.magnitudes)
+    return finding("truth.foreign", percent=100 * max(fit.explained, 0.0))
 
 
 def _rate_instants(samples: ImuSamples, clock: ClockFit, described: SensorRecord) -> np.ndarray:
@@ -230,7 +256,7 @@ def name_confused(
         for other, motion in found.items():
             if other != name and motion.truth is not None:
                 times = None
-                if own.clock.method == "arrival" and align:
+                if align:
                     clock = sensor_clock(samples[name], motion.truth, described[name], align)
                     if clock.method == "arrival":
                         continue

@@ -74,7 +74,11 @@ class Quality:
         return np.logical_or.reduce(list(self.flags.values()))
 
     def with_flags(self, further: dict[str, np.ndarray]) -> Quality:
-        """The same with further samples refused, by reason, each of shape (n,), bool."""
+        """The same with further samples refused.
+
+        Args:
+            further: By reason, each of shape (n,), bool.
+        """
         counted = {reason: int(flags.sum()) for reason, flags in further.items()}
         return Quality(self.flags | further, self.findings, self.numbers | counted)
 

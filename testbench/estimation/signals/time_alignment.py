@@ -210,6 +210,7 @@ def _coarse_lag(time: np.ndarray, rate: np.ndarray, true: RateMagnitude) -> floa
     return float(lags[np.argmax(correlation[lags])] * GRID_S)
 
 
+# One piece: what is fitted, and how sure that is, share residuals and derivatives.
 def _refine(
     measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float
 ) -> ClockFit | None:
