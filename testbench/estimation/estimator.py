@@ -365,7 +365,7 @@ def prepare_sensor(
     access = recording.samples(None if stored is None else _corrector(stored))
     samples = access.samples
     truth = None if recording.truth is None else recording.truth.thinned()
-    motion = true_motion(samples, truth, description, settings.align_clock, access.every == 1)
+    motion = true_motion(samples, truth, description, settings.align_clock, access.every)
     clock = motion.clock
     time = clock.to_host(samples.device_time_ns)
     if recording.truth is not None and recording.truth.is_long:

@@ -101,6 +101,24 @@ def test_without_enough_motion_only_the_heading_is_taken():
     assert [found.code for found in findings_on(fit, "vqf_6d")] == ["frames.still"]
 
 
+def test_about_one_axis_only_the_angle_about_it_is_held_and_the_errors_do_not_depend_on_it():
+    body, sensor, X, _ = pairs(RICH * [1, 0, 0], 1)
+    fit = fit_frames_by_motion(sensor, body, 60.0, up_known=False)
+    assert (fit.method, fit.held_by, fit.up_known) == ("motion", "mounting", False)
+    (direction,) = fit.undetermined
+    axis = np.array(direction[:3]) / np.linalg.norm(direction[:3])
+    found = Rotation.from_rotvec(np.radians(fit.mounting_deg))
+    # the true mounting differs about the axis alone, and the one that is held is the smaller
+    between = (X.inv() * found).as_rotvec()
+    assert np.linalg.norm(np.cross(between, axis)) < 1e-6
+    assert found.magnitude() <= X.magnitude() + 1e-9
+    error = (
+        Rotation.from_quat(apply_frames(sensor, fit), scalar_first=True)
+        * Rotation.from_quat(body, scalar_first=True).inv()
+    )
+    assert np.degrees(error.magnitude().max()) < 1e-6
+
+
 def test_two_pairs_are_refused():
     with pytest.raises(ValueError, match="at least 3"):
         solve_hand_eye(np.tile([1.0, 0, 0, 0], (2, 1)), np.tile([1.0, 0, 0, 0], (2, 1)))

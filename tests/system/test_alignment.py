@@ -91,7 +91,7 @@ def judge_files(tmp_path, clock):
 @pytest.fixture(scope="module")
 def sticks():
     """Two sticks with a ball joint."""
-    return stick(1)
+    return stick(3)
 
 
 @pytest.fixture(scope="module")

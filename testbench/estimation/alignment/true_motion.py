@@ -53,7 +53,11 @@ class TrueMotion:
 
 
 def sensor_clock(
-    samples: ImuSamples, truth: Truth | None, described: SensorRecord, align: bool
+    samples: ImuSamples,
+    truth: Truth | None,
+    described: SensorRecord,
+    align: bool,
+    every: int = 1,
 ) -> ClockFit:
     """A sensor's clock against the host's.
 
@@ -63,18 +67,20 @@ def sensor_clock(
         described: What is known of it.
         align: Whether to fit it; else the sensor is on the host's clock, and an import's begins
             where its file does.
+        every: One of how many samples of the recording these are.
     """
     imported = described.driver == IMPORTED
     if align:
         near = described.truth_offset_s is not None
-        return fit_clock(samples, truth, rate_delay(samples, described), not imported, near)
+        delay = rate_delay(samples, described, every)
+        return fit_clock(samples, truth, delay, not imported, near)
     if not imported or not len(samples):
         return ClockFit()
     ahead = samples.device_time_ns - samples.host_time_ns
     return ClockFit(offset_s=float(np.median(ahead)) / NANOSECONDS)
 
 
-def rate_delay(samples: ImuSamples, described: SensorRecord) -> float:
+def rate_delay(samples: ImuSamples, described: SensorRecord, every: int = 1) -> float:
     """How much older than its stamp a rate is [s].
 
     Half an interval where nobody says. Filters take a rate for the interval before its sample: of a
@@ -84,16 +90,17 @@ def rate_delay(samples: ImuSamples, described: SensorRecord) -> float:
     Args:
         samples: Of the sensor.
         described: What is known of it.
+        every: One of how many samples of the recording these are.
     """
     if described.rate_delay_s is not None:
         return described.rate_delay_s
     if described.sampling == "instantaneous" or len(samples) < 2:
         return 0.0
-    return float(np.median(np.diff(samples.device_time_ns))) / NANOSECONDS / 2
+    return float(np.median(np.diff(samples.device_time_ns))) / NANOSECONDS / 2 / every
 
 
 def true_motion(
-    samples: ImuSamples, truth: Truth | None, described: SensorRecord, align: bool, whole: bool
+    samples: ImuSamples, truth: Truth | None, described: SensorRecord, align: bool, every: int
 ) -> TrueMotion:
     """Bring a sensor and its truth together.
 
@@ -102,18 +109,20 @@ def true_motion(
         truth: What it went through, or None.
         described: What is known of the sensor.
         align: Whether its clock is to be fitted.
-        whole: Whether these are all its samples, so that what lies between two is known.
+        every: One of how many samples of the recording these are; of all only it is known how the
+            sensor turned between two.
     """
-    clock = sensor_clock(samples, truth, described, align)
+    clock = sensor_clock(samples, truth, described, align, every)
     if truth is None:
         return TrueMotion(clock, None)
     if align and clock.refused == "no common motion":
         moving = without_repetitions(truth)
-        clock = clock if moving is None else sensor_clock(samples, moving, described, align)
+        if moving is not None:
+            clock = sensor_clock(samples, moving, described, align, every)
     told = _clock_finding(clock, truth, described, samples)
     if told is not None and told.code not in NOT_IN_THE_WAY:
         return TrueMotion(clock, truth, findings=[told], unaligned=told.code)
-    if not whole or described.driver != IMPORTED:
+    if every > 1 or described.driver != IMPORTED:
         return TrueMotion(clock, truth, findings=[] if told is None else [told])
     sound = _without_faults(samples, TrueMotion(clock, truth), described, align)
     told = _clock_finding(sound.clock, truth, described, samples)
