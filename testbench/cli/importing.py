@@ -171,14 +171,14 @@ def import_files(
         ),
     ] = None,
     truth_offset: Annotated[
-        float,
+        float | None,
         typer.Option(
             "--truth-offset",
             metavar="S",
-            help="Added to the log's times.",
+            help="Added to the truth's times; else found by the motion.",
             rich_help_panel=TRUTH_PANEL,
         ),
-    ] = 0.0,
+    ] = None,
     truth_rate: Annotated[
         float | None,
         typer.Option(

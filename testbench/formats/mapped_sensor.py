@@ -587,6 +587,8 @@ def _details(
         details["full_scale"] = full_scale
     if build.spec.sampling == "integrated":
         details |= {"sampling": "integrated", "rate_delay_s": 0.5 / rate}
+    if build.spec.truth is not None and build.spec.truth.world != "z_up":
+        details["truth_world"] = build.spec.truth.world
     return details
 
 
@@ -652,7 +654,10 @@ def _truth(
         asking = Asking(f"{table.file}", flag=key, lowest_hz=LOWEST_OF_TRUTH_HZ)
         stamps = stamps_of(place, table, spec.time, spec.rate_hz, None, asking)
         like = None
-        origin = stream.first_time_ns() if spec.same_clock else None
+        settings = place.document.value.estimate
+        # who wants no clock fitted says that the times are on one clock
+        same_clock = spec.same_clock or (settings is not None and not settings.align_clock)
+        origin = stream.first_time_ns() if same_clock else None
         titles = _truth_titles(place, spec, table)
     else:
         build.notice("structure.truth_in_rows")

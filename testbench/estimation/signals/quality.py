@@ -74,6 +74,15 @@ class Quality:
         """Samples that any gate refuses, shape (n,), bool."""
         return np.logical_or.reduce(list(self.flags.values()))
 
+    def with_flags(self, further: dict[str, np.ndarray]) -> Quality:
+        """The same with further samples refused.
+
+        Args:
+            further: By reason, each of shape (n,), bool.
+        """
+        counted = {reason: int(flags.sum()) for reason, flags in further.items()}
+        return Quality(self.flags | further, self.findings, self.numbers | counted)
+
     def counts(self) -> dict[str, int]:
         """Number of samples refused by each gate."""
         return self.numbers

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from testbench.records.findings.finding import Finding, Severity, Value
 from testbench.records.findings.words import (
+    alignment,
     estimation,
     evaluation,
     general,
@@ -17,6 +18,7 @@ from testbench.records.findings.words.template import Template
 
 SUBJECTS: tuple[dict[str, Template], ...] = (
     general.TEMPLATES,
+    alignment.TEMPLATES,
     estimation.TEMPLATES,
     evaluation.TEMPLATES,
     recording.TEMPLATES,
