@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from testbench.records.findings.finding import Finding, Severity, Value
-from testbench.records.findings.words import estimation, evaluation, general, recording
+from testbench.records.findings.words import consistency, estimation, evaluation, general, recording
 from testbench.records.findings.words.template import Template
 
 SUBJECTS: tuple[dict[str, Template], ...] = (
     general.TEMPLATES,
+    consistency.TEMPLATES,
     estimation.TEMPLATES,
     evaluation.TEMPLATES,
     recording.TEMPLATES,

@@ -1,0 +1,1 @@
+"""Self-consistency: whether the quantities of a sensor can all be what they are taken for."""
