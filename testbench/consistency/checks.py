@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
-from testbench.consistency.excerpt import Excerpt
-from testbench.consistency.fits import Pair, Reading, is_clear, read_gyroscope
+from testbench.consistency.excerpt import HIGHEST_RATE_HZ, Excerpt
+from testbench.consistency.fits import DEG, Pair, Reading, read_gyroscope
 from testbench.consistency.orientation import Read, heading_axis, read_orientation
 from testbench.consistency.rests import Rests, find_rests
-from testbench.consistency.turning import IDENTITY, MAPS
+from testbench.consistency.turning import IDENTITY, MAPS, names_of
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
-from testbench.records.session.samples import AXES
 
-LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 3.0, 20_000.0
-"""Beyond, a rate is asked about: no inertial sensor that turns can be tracked at less, none gives
-more (ICM-42688-P: 32 kHz, of its gyroscope alone).
-"""
+LOWEST_RATE_HZ = 3.0
+"""Below, a rate is asked about: turns cannot be followed at less."""
 USUAL_RATES_HZ = (8.0, 4_000.0)
 """Rates that a unit of time must lead to."""
 TIME_UNITS = {1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
@@ -27,9 +25,16 @@ GRAVITY_WITHIN = 0.35
 """|acc| at rest may differ from gravity by so much: parts without calibration are wrong by 10 %."""
 UNIT_WITHIN = 0.25
 """A unit must bring it so near."""
+ONE_G_WITHIN = 0.03
+"""|acc| at rest is one of some unit, or so near: gravity in g, even if motion does not show it."""
 REMOVED_BELOW = 0.35
 """Part of gravity below which it seems to have been removed."""
 MOSTLY = 0.5
+"""Share of samples that are exactly zero."""
+CALM, FEWEST_CALM = 0.4, 4
+"""Windows whose vectors scatter by less than this part of the mean, and how many are needed."""
+LEAST_TURN = 1.0
+"""A window turns if its gyroscope goes through so much [rad]."""
 SCALE_WITHIN = 1.4
 """A scale counts as that of a unit or a range if the best one is so near."""
 EARTH_FIELD_UT = (22.0, 67.0)
@@ -38,33 +43,19 @@ FIELD_BETWEEN_UT = (8.0, 200.0)
 """Between these, iron near the sensor may explain a reading [uT]."""
 MAG_UNITS = {"nT": 1e-3, "mT": 1e3, "G": 100.0, "mG": 0.1}
 ACC_UNITS = {"g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000}
-CONTRADICTIONS = frozenset(
-    f"consistency.{code}"
-    for code in (
-        "time_unit",
-        "rate",
-        "acc_unit",
-        "acc_norm",
-        "no_gravity",
-        "gyr_unit",
-        "gyr_or_time_unit",
-        "scale_or_rate",
-    )
-)
-"""Findings on what cannot be right: an import asks about them, and is refused until answered."""
-
-
-def names_of(matrix: np.ndarray) -> str:
-    """A map of axes as a mapping states it, such as "x: -z, y: +y, z: +x".
-
-    Args:
-        matrix: Signed permutation, shape (3, 3).
-    """
-    parts = []
-    for target, row in zip(AXES, matrix, strict=True):
-        source = int(np.argmax(np.abs(row)))
-        parts.append(f"{target}: {'-' if row[source] < 0 else '+'}{AXES[source]}")
-    return ", ".join(parts)
+CONTRADICTIONS = {
+    "consistency.time_unit": {"time"},
+    "consistency.rate": {"time"},
+    "consistency.acc_unit": {"acc"},
+    "consistency.acc_norm": {"acc"},
+    "consistency.no_gravity": {"acc"},
+    "consistency.gyr_unit": {"gyr"},
+    "consistency.gyr_or_time_unit": {"gyr", "time"},
+    "consistency.scale_or_rate": {"gyr", "time"},
+}
+"""Findings on what cannot be right, and the quantities whose unit, if a person states it, confirms
+it all the same.
+"""
 
 
 @dataclass
@@ -85,7 +76,7 @@ class Looked:
     rests: Rests | None = None
     by_gravity: Reading | None = None
 
-    def tell(self, code: str, **values: str | int | float | list[str]) -> None:
+    def tell(self, code: str, **values: str | float | list[str]) -> None:
         """Add a finding."""
         self.findings.append(finding(f"consistency.{code}", **values))
 
@@ -101,13 +92,16 @@ def check_excerpt(excerpt: Excerpt) -> list[Finding]:
     has_gyr = bool(np.isfinite(excerpt.gyr).any())
     if looked.seconds <= 0 or not (has_acc or has_gyr):
         return []
-    if not _check_time(looked, has_acc and has_gyr):
+    if not check_time(looked):
         return looked.findings
     looked.rests = find_rests(excerpt, looked.seconds)
     if has_acc and has_gyr:
+        pair = Pair.of(excerpt, excerpt.acc, looked.seconds)
+        looked.by_gravity = None if pair is None else read_gyroscope(pair, looked.rests.bias)
+    if has_acc and not _check_gravity(looked):
+        return looked.findings
+    if has_acc and has_gyr:
         _check_gyroscope(looked)
-    if has_acc:
-        _check_gravity(looked)
     if excerpt.mag is not None and np.isfinite(excerpt.mag).any():
         _check_field(looked, has_gyr)
     if excerpt.device_q is not None and has_acc and np.isfinite(excerpt.device_q).any():
@@ -117,26 +111,19 @@ def check_excerpt(excerpt: Excerpt) -> list[Finding]:
     return looked.findings
 
 
-def _check_time(looked: Looked, both: bool) -> bool:
-    """Whether the rate can be one of a sensor; else what its time is, by the turns."""
+def check_time(looked: Looked) -> bool:
+    """Whether the rate can be one of a sensor; else what its time is, by the turns, is told."""
     rate = looked.excerpt.samples / looked.seconds
     if LOWEST_RATE_HZ <= rate <= HIGHEST_RATE_HZ:
         return True
-    fitting = []
-    possible = [
-        10.0**power
-        for power in range(-9, 10)
-        if USUAL_RATES_HZ[0] <= rate / 10.0**power <= USUAL_RATES_HZ[1]
-    ]
-    if both:
-        rests = find_rests(looked.excerpt, max(looked.seconds, 0.01))
-        for factor in possible:
-            pair = Pair.of(looked.excerpt, looked.excerpt.acc, looked.seconds * factor)
-            if pair is None:
-                continue
-            reading = read_gyroscope(pair, rests.bias)
-            if reading.turns and reading.scale == 1.0:
-                fitting.append(factor)
+    lowest, highest = USUAL_RATES_HZ
+    powers = [10.0**power for power in range(-9, 10)]
+    fits = {
+        factor: _turning_at(looked, factor)
+        for factor in powers
+        if lowest <= rate / factor <= highest
+    }
+    fitting = [factor for factor, fit in fits.items() if fit]
     if len(fitting) == 1:
         factor = fitting[0]
         looked.tell(
@@ -144,22 +131,33 @@ def _check_time(looked: Looked, both: bool) -> bool:
             rate_hz=rate,
             factor=factor,
             true_rate_hz=rate / factor,
-            unit=TIME_UNITS.get(factor, "another unit"),
+            unit=TIME_UNITS.get(factor, "UNIT"),
         )
     else:
         looked.tell("rate", rate_hz=rate)
     return False
 
 
+def _turning_at(looked: Looked, factor: float) -> bool:
+    """Whether gravity turns as the gyroscope says, if the time is so many times what the stamps
+    say.
+    """
+    excerpt, seconds = looked.excerpt, looked.seconds * factor
+    if not (np.isfinite(excerpt.acc).any() and np.isfinite(excerpt.gyr).any()):
+        return False
+    pair = Pair.of(excerpt, excerpt.acc, seconds)
+    if pair is None:
+        return False
+    reading = read_gyroscope(pair, find_rests(excerpt, seconds).bias)
+    return reading.turns and reading.scale in (1.0, DEG)
+
+
 def _check_gyroscope(looked: Looked) -> None:
     """Axes, signs and scale of the gyroscope against the direction of gravity."""
-    assert looked.rests is not None
-    pair = Pair.of(looked.excerpt, looked.excerpt.acc, looked.seconds)
-    if pair is None:
+    reading = looked.by_gravity
+    if reading is None:
         looked.unchecked += [f"gyroscope against accelerometer: {one}" for one in KINDS]
         return
-    reading = read_gyroscope(pair, looked.rests.bias)
-    looked.by_gravity = reading
     if reading.scale != 1.0 and reading.turns:
         _tell_scale(looked, reading)
     scatter = reading.scatter
@@ -177,7 +175,7 @@ def _check_gyroscope(looked: Looked) -> None:
 
 
 def _find(matrix: np.ndarray) -> int:
-    return int(np.flatnonzero((MAPS == matrix).all(axis=(1, 2)))[0])
+    return int(np.flatnonzero((matrix == MAPS).all(axis=(1, 2)))[0])
 
 
 def _flipped(*axes: int) -> int:
@@ -189,7 +187,7 @@ def _flipped(*axes: int) -> int:
 def _swapped(a: int, b: int) -> set[int]:
     order = np.arange(3)
     order[[a, b]] = b, a
-    return {_find(np.diag(s)[order]) for s in np.array(np.meshgrid(*[[1, -1]] * 3)).T.reshape(-1, 3)}
+    return {_find(np.diag(signs)[order]) for signs in product((1.0, -1.0), repeat=3)}
 
 
 KINDS: dict[str, set[int]] = {
@@ -238,34 +236,56 @@ def _tell_axes(looked: Looked, reading: Reading) -> None:
         looked.tell("gyr_or_acc_axes", axes=gyr, acc_axes=acc)
 
 
-def _check_gravity(looked: Looked) -> None:
-    """Unit of the accelerometer, and whether it has gravity."""
+def _check_gravity(looked: Looked) -> bool:
+    """Unit of the accelerometer, and whether it has gravity; False where it has none."""
     assert looked.rests is not None
     norm, where = looked.rests.norm, "at rest"
     if looked.excerpt.zero_share > MOSTLY:
         looked.tell("no_gravity", norm_m_s2=0.0, when="mostly")
-        return
+        return False
+    turned = _turned_norm(looked.by_gravity)
     if norm is None:
-        reading = looked.by_gravity
-        if reading is None:
+        if not turned:
             looked.unchecked.append("accelerometer: unit")
-            return
-        scatter = reading.scatter
-        norm, where = float(np.quantile(scatter.length[scatter.best], 0.75)), "on the average"
+            return True
+        norm, where = turned, "on the average"
     ratio = norm / STANDARD_GRAVITY
     if abs(ratio - 1) <= GRAVITY_WITHIN:
-        return
+        return True
     fitting = [
         unit
         for unit, factor in ACC_UNITS.items()
         if abs(norm * factor / STANDARD_GRAVITY - 1) < UNIT_WITHIN
     ]
-    if fitting:
+    like_gravity = (
+        turned is None
+        or ratio > REMOVED_BELOW
+        or abs(turned / norm - 1) < UNIT_WITHIN
+        or abs(norm - 1) < ONE_G_WITHIN
+    )
+    if fitting and like_gravity:
         looked.tell("acc_unit", norm_m_s2=norm, when=where, unit=fitting[0])
-    elif ratio < REMOVED_BELOW:
+        return True
+    if ratio < REMOVED_BELOW:
         looked.tell("no_gravity", norm_m_s2=norm, when=where)
-    else:
-        looked.tell("acc_norm", norm_m_s2=norm, when=where)
+        return False
+    looked.tell("acc_norm", norm_m_s2=norm, when=where)
+    return True
+
+
+def _turned_norm(reading: Reading | None) -> float | None:
+    """Length of the mean specific force while the sensor turns, in a frame that does not; zero if
+    it does not stay where it is, as gravity does; None where nothing turns.
+    """
+    if reading is None:
+        return None
+    best, turning = reading.scatter.best, reading.turning > LEAST_TURN
+    if turning.sum() < FEWEST_CALM:
+        return None
+    if not reading.turns:
+        return 0.0
+    calm = reading.scatter.logs[best][turning] < np.log(CALM**2)
+    return float(np.median(reading.scatter.length[best][turning])) if calm.mean() > 0.5 else 0.0
 
 
 def _check_field(looked: Looked, has_gyr: bool) -> None:
@@ -311,8 +331,7 @@ def _judge_field(looked: Looked, reading: Reading, gravity: Reading | None) -> N
     if by_gravity is not None and np.array_equal(best, by_gravity):
         return  # what the accelerometer says of the gyroscope, too
     if np.linalg.det(best) > 0:
-        own = best if by_gravity is None else best
-        looked.tell("mag_axes", axes=[names_of(sign * own.T) for sign in (1, -1)])
+        looked.tell("mag_axes", axes=[names_of(sign * best.T) for sign in (1, -1)])
 
 
 def _check_orientation(looked: Looked) -> None:
@@ -357,6 +376,3 @@ def _tell_orientation(looked: Looked, best: Read) -> None:
             looked.tell("orientation_down", keys=keys)
         return
     looked.tell("orientation_earth", up=str(best.up), keys=keys)
-
-
-__all__ = ["CONTRADICTIONS", "check_excerpt", "is_clear", "names_of"]

@@ -16,6 +16,10 @@ from testbench.records.session.samples import ImuSamples
 
 STEPS_PER_S = 100
 """Steps of an excerpt a second, at most about so many: turning at 1000 deg/s is 10 deg a step."""
+HIGHEST_RATE_HZ = 20_000.0
+"""Beyond, the unit of time is in doubt: none gives more (ICM-42688-P: 32 kHz, of its gyroscope
+alone).
+"""
 STRETCH_STEPS = 1024
 """Steps that are kept or dropped together, about 10 s."""
 MOST_STEPS = 120 * STRETCH_STEPS
@@ -56,8 +60,8 @@ class Excerpt:
 class Thinner:
     """Takes chunks of samples as they go by, and keeps an excerpt of them."""
 
-    def __init__(self, rate_hz: float):
-        self._each = max(round(rate_hz / STEPS_PER_S), 1)
+    def __init__(self) -> None:
+        self._each = 0
         self._parts: list[dict[str, np.ndarray]] = []
         self._held: ImuSamples | None = None
         self._kept = self._zeros = self._count = 0
@@ -65,6 +69,8 @@ class Thinner:
 
     def add(self, chunk: ImuSamples) -> None:
         """Take the next samples."""
+        if not self._each:
+            self._each = _samples_of_step(chunk.device_time_ns)
         each = self._each
         count = len(chunk) // each
         # the samples of an incomplete step at the end of a chunk are left out
@@ -80,7 +86,7 @@ class Thinner:
         size = count * each
         gyr, acc = chunk.gyr[:size], chunk.acc[:size]
         no_acc, no_gyr = ~acc.any(axis=1), ~gyr.any(axis=1)
-        dead = no_acc & no_gyr
+        dead: np.ndarray = no_acc & no_gyr
         self._zeros += int(np.count_nonzero(no_acc & ~no_gyr))
         self._count += size
         same = np.zeros(size, dtype=bool)
@@ -142,14 +148,22 @@ class Thinner:
         )
 
 
-def thin(chunks: Iterable[ImuSamples], rate_hz: float) -> Excerpt | None:
+def _samples_of_step(time_ns: np.ndarray) -> int:
+    """How many samples make a step; one where the rate cannot be that of a sensor, so that its
+    unit of time is in doubt.
+    """
+    span = float(time_ns[-1] - time_ns[0]) if len(time_ns) > 1 else 0.0
+    rate = (len(time_ns) - 1) * NANOSECONDS / span if span > 0 else 0.0
+    return max(round(rate / STEPS_PER_S), 1) if rate < HIGHEST_RATE_HZ else 1
+
+
+def thin(chunks: Iterable[ImuSamples]) -> Excerpt | None:
     """The excerpt of chunks of samples.
 
     Args:
         chunks: In the order of time.
-        rate_hz: About their rate.
     """
-    thinner = Thinner(rate_hz)
+    thinner = Thinner()
     for chunk in chunks:
         thinner.add(chunk)
     return thinner.excerpt()

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from testbench.consistency.excerpt import Excerpt
-from testbench.consistency.turning import BINS, IDENTITY, MAPS, Windows, find_windows, read_as, sums
+from testbench.consistency.turning import (
+    BLOCKS,
+    IDENTITY,
+    MAPS,
+    Windows,
+    find_windows,
+    read_as,
+    sums,
+)
 
-BLOCK_BINS = 4
-"""Bins of a block, 1 s: what a person's stride takes."""
-BLOCKS = BINS // BLOCK_BINS
 FLOOR = 0.03
 """Scatter that says nothing, of the size of the vector: what biases and scale errors leave."""
+SHORTEST = 0.05
+"""No mean vector counts as shorter than this part of the usual one."""
 LEAST_RATIO = 0.15
 """A reading fits better if it leaves by so much less (mean logarithm of the squares), ..."""
-LEAST_SUM = 3.0
+LEAST_SUM = 2.5
 """... in so many windows that this comes to so much, ..."""
-LEAST_T = 1.3
+LEAST_T = 1.0
 """... and not by one of them alone: mean over its standard error."""
-APART = 4
-"""Overlapping windows that say as much as one by itself."""
-LEAST_WINDOWS = 6
+LEAST_WINDOWS = 4
 
 
 @dataclass(frozen=True)
@@ -32,18 +37,16 @@ class Scatter:
     Attributes:
         logs: By reading and window, shape (r, w).
         length: Of the mean vector by reading and window, shape (r, w).
+        independent: How many windows that do not overlap would say as much.
     """
 
     logs: np.ndarray
     length: np.ndarray
-
-    def gain(self, of: int, over: int) -> tuple[float, float, float]:
-        """By how much one reading fits better than another: mean, sum and t of the logarithms."""
-        return compared(self.logs[over], self.logs[of])
+    independent: float
 
     def better(self, of: int, over: int) -> bool:
         """Whether one reading fits clearly better than another."""
-        return is_clear(self.logs[over], self.logs[of])
+        return is_clear(self.logs[over], self.logs[of], self.independent)
 
     @property
     def best(self) -> int:
@@ -58,25 +61,18 @@ class Scatter:
         return [best] + [int(i) for i in order[1:] if not self.better(best, int(i))]
 
 
-def compared(worse: np.ndarray, better: np.ndarray) -> tuple[float, float, float]:
-    """Mean, sum and t of what one fit leaves beyond another, window by window.
+def is_clear(worse: np.ndarray, better: np.ndarray, independent: float) -> bool:
+    """Whether a fit leaves clearly less than another, window by window.
 
     Args:
         worse: Logarithms of the scatter, shape (w,).
         better: Likewise of the other.
+        independent: How many windows that do not overlap would say as much.
     """
     beyond = worse - better
-    if not len(beyond):
-        return 0.0, 0.0, 0.0
-    mean, independent = float(beyond.mean()), max(len(beyond) / APART, 1.0)
+    mean = float(beyond.mean())
     error = float(beyond.std()) / np.sqrt(independent)
-    return mean, mean * independent, mean / max(error, 1e-9)
-
-
-def is_clear(worse: np.ndarray, better: np.ndarray) -> bool:
-    """Whether a fit leaves clearly less than another; shapes (w,)."""
-    mean, total, t = compared(worse, better)
-    return mean >= LEAST_RATIO and total >= LEAST_SUM and t >= LEAST_T
+    return mean >= LEAST_RATIO and mean * independent >= LEAST_SUM and mean >= LEAST_T * error
 
 
 @dataclass(frozen=True)
@@ -111,10 +107,10 @@ class Pair:
         usual = float(np.median(length))
         return Pair(excerpt.gyr, vectors, windows, usual) if usual > 0 else None
 
-    def bins(
+    def blocks(
         self, scale: float = 1.0, bias: np.ndarray | None = None, maps: np.ndarray = MAPS
     ) -> np.ndarray:
-        """Mean vectors in a frame that does not turn, shape (r, w, BINS, 3).
+        """Mean vectors in a frame that does not turn, shape (r, w, BLOCKS, 3).
 
         Args:
             scale: Rates are taken so many times.
@@ -129,26 +125,42 @@ class Pair:
         assert one is not None
         return read_as(one, other if other is not None else one, maps)
 
+    def some(self, most: int) -> Pair:
+        """The same in fewer windows."""
+        return replace(self, windows=self.windows.some(most))
+
+    def turning(self, bias: np.ndarray) -> np.ndarray:
+        """Angle that the gyroscope goes through in each window, shape (w,) [rad].
+
+        Args:
+            bias: Taken off the rates first, shape (3,) [rad/s].
+        """
+        rates = np.linalg.norm(self.gyr[self.windows.steps] - bias, axis=2)
+        return np.asarray(rates.sum(axis=1) * self.windows.seconds)
+
     def scatter(
         self, scale: float = 1.0, bias: np.ndarray | None = None, maps: np.ndarray = MAPS
     ) -> Scatter:
-        """How far the vectors scatter by each reading; see `bins`."""
-        return self.scatter_of(self.bins(scale, bias, maps))
+        """How far the vectors scatter by each reading; see `blocks`."""
+        return self.scatter_of(self.blocks(scale, bias, maps))
 
-    def scatter_of(self, bins: np.ndarray) -> Scatter:
-        """How far bins scatter, shape (r, w, BINS, 3)."""
-        blocks = bins.reshape(*bins.shape[:2], BLOCKS, BLOCK_BINS, 3).mean(axis=3)
+    def scatter_of(self, blocks: np.ndarray) -> Scatter:
+        """How far means of blocks scatter, shape (r, w, BLOCKS, 3).
+
+        That is a part of the mean vector, whose length is that of gravity only if nothing smears:
+        too fast a turning would else make all means small, and alike.
+        """
         mean = blocks.mean(axis=2)
         left = ((blocks - mean[:, :, None]) ** 2).sum(axis=3).mean(axis=2)
-        return Scatter(
-            np.log(left / self.usual**2 + FLOOR**2), np.linalg.norm(mean, axis=2)
-        )
+        length = np.linalg.norm(mean, axis=2)
+        part = left / np.maximum(length, SHORTEST * self.usual) ** 2
+        return Scatter(np.log(part + FLOOR**2), length, self.windows.independent)
 
     def fitted_bias(self, scale: float, one: np.ndarray, bias: np.ndarray) -> np.ndarray:
         """The bias with which a reading fits best, from the beginning `bias`.
 
         Args:
-            scale: As for `bins`.
+            scale: As for `blocks`.
             one: The reading, shape (3, 3).
             bias: To begin with, shape (3,) [rad/s].
         """
@@ -166,13 +178,12 @@ class Pair:
             weight = 1 / (np.sum(begin**2, axis=(1, 2)) / BLOCKS + (FLOOR * self.usual) ** 2)
             left = np.einsum("w,wbik,wbil->kl", weight, slopes, slopes)
             right = np.einsum("w,wbik,wbi->k", weight, slopes, begin)
-            prior = np.eye(3) * len(weight) / APART / np.radians(10) ** 2
+            prior = np.eye(3) * self.windows.independent / np.radians(10) ** 2
             bias = bias - np.linalg.solve(left + prior, right)
         return bias
 
     def _deviations(self, scale: float, one: np.ndarray, bias: np.ndarray) -> np.ndarray:
-        bins = self.bins(scale, bias, one[None])[0]
-        blocks = bins.reshape(len(bins), BLOCKS, BLOCK_BINS, 3).mean(axis=2)
+        blocks = self.blocks(scale, bias, one[None])[0]
         return np.asarray(blocks - blocks.mean(axis=1, keepdims=True))
 
 
@@ -185,12 +196,14 @@ class Reading:
         scale: By which rates fit best, of those tried.
         bias: Shape (3,) [rad/s].
         turns: Whether any reading fits clearly better than that nothing turns.
+        turning: Angle that the gyroscope goes through in each window, shape (w,) [rad].
     """
 
     scatter: Scatter
     scale: float
     bias: np.ndarray
     turns: bool
+    turning: np.ndarray
 
     @property
     def fits_as_is(self) -> bool:
@@ -198,6 +211,8 @@ class Reading:
         return not self.scatter.better(self.scatter.best, IDENTITY)
 
 
+FEW_WINDOWS = 60
+"""Windows in which scales are first tried."""
 DEG = np.pi / 180
 NEIGHBOURS = (0.5, 2.0)
 """Scales of neighbouring range settings, and of a sampling rate told wrongly."""
@@ -215,21 +230,36 @@ def read_gyroscope(pair: Pair, rest_bias: np.ndarray | None) -> Reading:
     nothing = pair.scatter(0.0, maps=MAPS[:1]).logs[0]
     bias = np.zeros(3) if rest_bias is None else rest_bias
     found = _with_bias(pair, 1.0, bias, rest_bias is None)
-    scales: tuple[float, ...] = (1.0,)
-    sure = found.best == IDENTITY and is_clear(nothing, found.logs[IDENTITY])
-    if sure:
-        for scale in NEIGHBOURS:
-            own = pair.scatter(scale, bias, MAPS[:1])
-            sure = sure and not is_clear(found.logs[IDENTITY], own.logs[0])
+    sure = found.best == IDENTITY and is_clear(nothing, found.logs[IDENTITY], found.independent)
     tried = [(1.0, found)]
-    if not sure:
-        scales = SCALES
-        tried += [(scale, _with_bias(pair, scale, bias, rest_bias is None)) for scale in scales]
-    scale, scatter = min(tried, key=lambda one: one[1].logs[one[1].best].mean())
-    if scale != 1.0 and not is_clear(found.logs[found.best], scatter.logs[scatter.best]):
+    if not sure or not _is_right_scale(pair, bias, rest_bias is None):
+        some = pair.some(FEW_WINDOWS)
+        likely = [scale for scale in SCALES if _least(some.scatter(scale, bias)) < _least(found)]
+        tried += [(scale, _with_bias(pair, scale, bias, rest_bias is None)) for scale in likely]
+    scale, scatter = min(tried, key=lambda one: _least(one[1]))
+    if scale != 1.0 and not is_clear(
+        found.logs[found.best], scatter.logs[scatter.best], found.independent
+    ):
         scale, scatter = tried[0]
-    turns = is_clear(nothing, scatter.logs[scatter.best])
-    return Reading(scatter, scale, bias, turns)
+    turns = is_clear(nothing, scatter.logs[scatter.best], scatter.independent)
+    turning = pair.turning(bias) * (scale if turns else 1.0)
+    return Reading(scatter, scale, bias, turns, turning)
+
+
+def _least(scatter: Scatter) -> float:
+    return float(scatter.logs.mean(axis=1).min())
+
+
+def _is_right_scale(pair: Pair, bias: np.ndarray, unknown: bool) -> bool:
+    """Whether the axes as they are fit at no other scale clearly better."""
+    some = pair.some(FEW_WINDOWS)
+    if unknown:
+        bias = some.fitted_bias(1.0, MAPS[IDENTITY], bias)
+    own = some.scatter(1.0, bias, MAPS[:1]).logs[0]
+    return not any(
+        is_clear(own, some.scatter(scale, bias, MAPS[:1]).logs[0], some.windows.independent)
+        for scale in SCALES
+    )
 
 
 def _with_bias(pair: Pair, scale: float, bias: np.ndarray, unknown: bool) -> Scatter:
@@ -244,4 +274,4 @@ def _with_bias(pair: Pair, scale: float, bias: np.ndarray, unknown: bool) -> Sca
             fitted = pair.scatter(scale, own, MAPS[one : one + 1])
             if fitted.logs[0].mean() < logs[one].mean():
                 logs[one], length[one] = fitted.logs[0], fitted.length[0]
-    return Scatter(logs, length)
+    return Scatter(logs, length, scatter.independent)

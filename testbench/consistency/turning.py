@@ -12,18 +12,25 @@ that mirrors is minus a rotation, and needs the integral of -w: two passes for 4
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 
 import numpy as np
 from numba import njit
 
 from testbench.consistency.excerpt import Excerpt
+from testbench.records.session.samples import AXES
 
-BIN_S = 0.25
-BINS = 20
-HOP_BINS = 5
-MOST_WINDOWS = 400
+BLOCK_S = 1.0
+"""What a person's stride takes: over it, linear accelerations average out."""
+BLOCKS = 5
+"""Blocks of a window."""
+HOP_S = 1.25
+"""From window to window; in short recordings less."""
+FEWEST_WINDOWS = 12
+MOST_WINDOWS = 200
+SHORTEST_STEPS = 3
+"""Steps that a block must have, for a turn to be followed."""
 
 
 def signed_permutations() -> np.ndarray:
@@ -41,24 +48,45 @@ PROPER = np.linalg.det(MAPS) > 0
 IDENTITY = 0
 
 
+def names_of(matrix: np.ndarray) -> str:
+    """A map of axes as a mapping states it, such as "x: -z, y: +y, z: +x".
+
+    Args:
+        matrix: Signed permutation, shape (3, 3).
+    """
+    parts = []
+    for target, row in zip(AXES, matrix, strict=True):
+        source = int(np.argmax(np.abs(row)))
+        parts.append(f"{target}: {'-' if row[source] < 0 else '+'}{AXES[source]}")
+    return ", ".join(parts)
+
+
 @dataclass(frozen=True)
 class Windows:
     """Windows of an excerpt that can be integrated over.
 
     Attributes:
         starts: Their first steps, shape (w,).
-        size: Steps of a bin.
+        size: Steps of a block.
         seconds: Of a step.
+        independent: How many windows that do not overlap would say as much.
     """
 
     starts: np.ndarray
     size: int
     seconds: float
+    independent: float
 
     @property
     def steps(self) -> np.ndarray:
-        """Rows of the steps of each window, shape (w, BINS * size)."""
-        return self.starts[:, None] + np.arange(BINS * self.size)
+        """Rows of the steps of each window, shape (w, BLOCKS * size)."""
+        return self.starts[:, None] + np.arange(BLOCKS * self.size)
+
+    def some(self, most: int) -> Windows:
+        """At most so many of them, evenly spread."""
+        every = max(-(-len(self.starts) // most), 1)
+        starts = self.starts[::every]
+        return replace(self, starts=starts, independent=min(self.independent, len(starts)))
 
 
 def find_windows(excerpt: Excerpt, vectors: np.ndarray, seconds: float) -> Windows:
@@ -69,13 +97,14 @@ def find_windows(excerpt: Excerpt, vectors: np.ndarray, seconds: float) -> Windo
         vectors: Of the accelerometer or magnetometer, shape (n, 3).
         seconds: Of a step.
     """
-    size = max(round(BIN_S / seconds), 1)
-    length = size * BINS
+    size = round(BLOCK_S / seconds)
+    length = size * BLOCKS
     known = np.isfinite(excerpt.gyr).all(axis=1) & np.isfinite(vectors).all(axis=1)
     n = len(known)
-    if n < length or BIN_S / seconds < 0.9:
-        return Windows(np.zeros(0, dtype=int), size, seconds)
-    hop = max(size * HOP_BINS, (n - length) // MOST_WINDOWS)
+    if n < length or size < SHORTEST_STEPS:
+        return Windows(np.zeros(0, dtype=int), size, seconds, 0.0)
+    hop = min(round(HOP_S / seconds), (n - length) // FEWEST_WINDOWS)
+    hop = max(hop, -(-(n - length) // MOST_WINDOWS), 1)
     starts = np.arange(0, n - length + 1, hop)
     lost = np.concatenate([[0], np.cumsum(~known)])
     broken = np.concatenate([[0], np.cumsum(~excerpt.follows)])
@@ -85,13 +114,14 @@ def find_windows(excerpt: Excerpt, vectors: np.ndarray, seconds: float) -> Windo
     lasted = (excerpt.time_ns[starts + length - 1] - excerpt.time_ns[starts]) * 1.0
     usual = excerpt.interval_ns * excerpt.samples * (length - 1)
     whole &= np.abs(lasted / usual - 1) < 0.1 if usual > 0 else False
-    return Windows(starts[whole], size, seconds)
+    covered = whole.sum() * min(hop, length) + length - min(hop, length)
+    return Windows(starts[whole], size, seconds, covered / length)
 
 
 def sums(
     excerpt_gyr: np.ndarray, vectors: np.ndarray, windows: Windows
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Means over each bin of R_ij v_k and of R_ij, R from the beginning of the window.
+    """Means over each block of R_ij v_k and of R_ij, R from the beginning of the window.
 
     Args:
         excerpt_gyr: Rates, shape (n, 3) [rad/s].
@@ -99,27 +129,27 @@ def sums(
         windows: To go over.
 
     Returns:
-        Shape (w, BINS, 3, 3, 3) and (w, BINS, 3, 3).
+        Shape (w, BLOCKS, 3, 3, 3) and (w, BLOCKS, 3, 3).
     """
     return _sums(
         np.ascontiguousarray(excerpt_gyr),
         np.ascontiguousarray(vectors),
         windows.starts,
         windows.size,
-        BINS,
+        BLOCKS,
         windows.seconds,
     )
 
 
 @njit(cache=True)
-def _sums(gyr, vectors, starts, size, bins, seconds):  # type: ignore[no-untyped-def]
-    mixed = np.zeros((len(starts), bins, 3, 3, 3))
-    turned = np.zeros((len(starts), bins, 3, 3))
+def _sums(gyr, vectors, starts, size, blocks, seconds):  # type: ignore[no-untyped-def]
+    mixed = np.zeros((len(starts), blocks, 3, 3, 3))
+    turned = np.zeros((len(starts), blocks, 3, 3))
     r = np.zeros((3, 3))
     for w in range(len(starts)):
         a, b, c, d = 1.0, 0.0, 0.0, 0.0
         row = starts[w]
-        for k in range(bins):
+        for k in range(blocks):
             for _ in range(size):
                 if row > starts[w]:
                     x = 0.5 * seconds * (gyr[row, 0] + gyr[row - 1, 0])
@@ -153,7 +183,7 @@ def _sums(gyr, vectors, starts, size, bins, seconds):  # type: ignore[no-untyped
 
 
 def read_as(mixed: np.ndarray, mirrored: np.ndarray, maps: np.ndarray) -> np.ndarray:
-    """Mean vectors of each bin for gyroscopes whose true rates are P times what they read.
+    """Mean vectors of each block for gyroscopes whose true rates are P times what they read.
 
     Args:
         mixed: Sums for the rates as read, shape (w, b, 3, 3, 3).

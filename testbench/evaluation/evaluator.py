@@ -171,7 +171,9 @@ def _sensor_tables(
         for reason, count in sensor.quality.items()
         if count
     ]
-    found += [own.at(name) for own in sensor.findings]
+    known = {(one.code, one.where) for one in session.manifest.findings}
+    told = [one.at(name) for one in sensor.findings]
+    found += [one for one in told if (one.code, one.where) not in known]
     samples = session.imu(name, every=sensor.every) if sensor.stored_calibration is None else None
     truth, jumps = sound_truth(session, name)
     if truth is None:

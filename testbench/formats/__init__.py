@@ -110,7 +110,6 @@ def import_recording(
     from testbench.formats.axes import find_axes
     from testbench.formats.dates import earliest, recorded_in_name, stated_date
     from testbench.formats.options import Options
-    from testbench.formats.plausibility import check_units
     from testbench.formats.recording import write_recording
     from testbench.formats.remap import remap_axes
 
@@ -121,6 +120,7 @@ def import_recording(
     stated = None if options.recorded_at is None else stated_date(options.recorded_at)
     recording = FORMATS[name].read(files, options)
     options.check_all_used(name)
+    recording.answered = frozenset(options.units)
     recording.recorded = (
         stated or recording.recorded or earliest(recorded_in_name(file) for file in files)
     )
@@ -130,7 +130,6 @@ def import_recording(
         head = sensor.head()
         if head is None or not len(head):
             raise FileProblems(files[0], [Problem(f"sensor '{key}' has no samples")])
-        recording.notes += check_units(head, sensor.rate, key, options)
     if options.axes is not None:
         remap_axes(recording, find_axes(options.axes), options.axes)
     if truth is not None:

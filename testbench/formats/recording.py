@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from testbench.clock import Clock, utc_text
+from testbench.consistency import Consistency, refuse_contradictions
 from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.formats.dates import Recorded
 from testbench.frames import NANOSECONDS
@@ -71,6 +72,8 @@ class Recording:
         findings: What is to be said of the samples.
         steps: Of the arm, where its poses are known.
         recorded: When it was made, None where nobody says.
+        answered: Quantities whose units a person stated, which settles every doubt of them: "acc",
+            "gyr", "mag", "time".
     """
 
     name: str
@@ -81,6 +84,7 @@ class Recording:
     findings: list[Finding] = field(default_factory=list)
     steps: list[PlannedStep] = field(default_factory=list)
     recorded: Recorded | None = None
+    answered: frozenset[str] = frozenset()
 
 
 def write_recording(
@@ -89,7 +93,8 @@ def write_recording(
     """Write a session from a recording.
 
     Nothing is kept that is not whole: whatever ends the import early also removes the folder, for
-    the source still exists.
+    the source still exists. Whether a sensor's quantities agree is looked at as its samples go by,
+    so that they are read once.
 
     Args:
         recording: What was read.
@@ -100,6 +105,7 @@ def write_recording(
 
     Raises:
         FileProblems: A file turns out to be malformed after its beginning.
+        InputError: The quantities of a sensor cannot be right as they are; says how to settle it.
         SessionError: The folder exists, or the disk is full.
     """
     descriptions: dict[str, Any] = {}
@@ -122,24 +128,29 @@ def write_recording(
             "recorded_utc": utc_text(recording.recorded.at) if recording.recorded else None,
             "recorded_by": recording.recorded.source if recording.recorded else None,
             "protocol": {"name": recording.name, "purpose": recording.purpose},
-            "findings": told_once(
-                [*recording.findings, *(noted(note) for note in recording.notes)]
-            ),
         },
     )
     begin, end, counts = np.inf, -np.inf, {}
+    found = [*recording.findings, *(noted(note) for note in recording.notes)]
     try:
         for name, sensor in recording.sensors.items():
+            consistency = Consistency()
             counts[name], first, last = _write_samples(
-                out / table_file(imu_stream(name)), iter(sensor.chunks)
+                out / table_file(imu_stream(name)), consistency.watch(sensor.chunks)
             )
+            own = consistency.findings()
+            refuse_contradictions(name, own, recording.answered)
+            found += [one.at(name) for one in own]
             begin, end = min(begin, first), max(end, last)
             if sensor.truth is not None:
                 writer.add_table(truth_stream(name), sensor.truth.to_columns(), TRUTH_NOTES)
         for event in step_events(recording.steps):
             writer.event(event)
         writer.close(
-            RunStatus.COMPLETED, duration_s=float(end - begin) / NANOSECONDS, samples=counts
+            RunStatus.COMPLETED,
+            duration_s=float(end - begin) / NANOSECONDS,
+            samples=counts,
+            findings=told_once(found),
         )
     except OSError as error:
         writer.discard()

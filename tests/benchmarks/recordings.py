@@ -109,9 +109,7 @@ def _moving(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.convolve(pace, window / window.sum(), mode="same")
 
 
-def _sines(
-    t: np.ndarray, rng: np.random.Generator, size: float, frequency: float
-) -> np.ndarray:
+def _sines(t: np.ndarray, rng: np.random.Generator, size: float, frequency: float) -> np.ndarray:
     """Three sums of four sines each, of a usual size and about a frequency."""
     own = frequency * rng.uniform(0.4, 1.6, (4, 3))
     phase = rng.uniform(0, 2 * np.pi, (4, 3))

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from testbench.consistency.evidence import Evidence
 from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.axes import IDENTITY, AxisMap, AxisNames, find_axes
 from testbench.formats.mapping import (
@@ -24,7 +25,7 @@ from testbench.formats.mapping import (
 )
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
-from testbench.formats.plausibility import Evidence, decide_unit, gather
+from testbench.formats.plausibility import decide_unit, gather
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.tables.parquet_table import ParquetTable
@@ -310,7 +311,7 @@ def _sensor(
         raise table.problem(f"the times of sensor '{name}' tell no rate; state it with --rate HZ")
     open_units = [quantity for quantity, unit in units.items() if unit is None]
     if open_units:
-        factors |= _decided_units(place, open_units, gather(stream, rate), name, notes)
+        factors |= _decided_units(place, open_units, gather(stream), name, notes)
     truth = (
         _truth(place.inside("truth"), spec.truth, table, timeline, stream, axes, notes)
         if spec.truth

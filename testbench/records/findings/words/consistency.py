@@ -9,8 +9,9 @@ TEMPLATES = {
         WARNING,
         "its stamps give {rate_hz:.3g} Hz, and gravity turns as fast as its gyroscope says at "
         "{true_rate_hz:.4g} Hz",
-        "the unit of time is wrong: {factor:g} of it fits, as if it were {unit}",
-        "state it by the key time.unit of the mapping or --unit time={unit}, or the rate by --rate",
+        "the unit of time is wrong: true times are {factor:g} of what they were taken for",
+        "state it by the key time.unit of the mapping or --unit time={unit} (s, ms, us, ns), or "
+        "the rate by --rate",
     ),
     "consistency.rate": Template(
         WARNING,
