@@ -78,7 +78,7 @@ class Looked:
 
     def tell(self, code: str, **values: str | float | list[str]) -> None:
         """Add a finding."""
-        self.findings.append(finding(f"consistency.{code}", **values))
+        self.findings.append(finding(f"consistency.{code}", "", **values))
 
 
 def check_excerpt(excerpt: Excerpt) -> list[Finding]:

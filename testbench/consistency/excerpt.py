@@ -86,7 +86,7 @@ class Thinner:
         size = count * each
         gyr, acc = chunk.gyr[:size], chunk.acc[:size]
         no_acc, no_gyr = ~acc.any(axis=1), ~gyr.any(axis=1)
-        dead: np.ndarray = no_acc & no_gyr
+        dead = np.asarray(no_acc & no_gyr)
         self._zeros += int(np.count_nonzero(no_acc & ~no_gyr))
         self._count += size
         same = np.zeros(size, dtype=bool)
