@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.consistency.excerpt import Excerpt
 from testbench.consistency.turning import (
+    BINS,
     BLOCKS,
     IDENTITY,
     MAPS,
@@ -100,12 +101,22 @@ class Pair:
             vectors: Of the accelerometer or magnetometer, shape (n, 3).
             seconds: Of a step.
         """
-        windows = find_windows(excerpt, vectors, seconds)
-        if len(windows.starts) < LEAST_WINDOWS:
-            return None
-        length = np.linalg.norm(vectors[windows.steps[:, ::7].ravel()], axis=1)
-        usual = float(np.median(length))
-        return Pair(excerpt.gyr, vectors, windows, usual) if usual > 0 else None
+        pairs = []
+        for together in BINS:
+            windows = find_windows(excerpt, vectors, seconds, together)
+            if len(windows.starts) < LEAST_WINDOWS:
+                continue
+            length = np.linalg.norm(vectors[windows.steps[:, ::7].ravel()], axis=1)
+            usual = float(np.median(length))
+            if usual > 0:
+                pairs.append(Pair(excerpt.gyr, vectors, windows, usual))
+        return pairs[0] if len(pairs) == 1 else max(pairs, key=Pair.contrast, default=None)
+
+    def contrast(self) -> float:
+        """How far apart the fits of the maps are."""
+        some = self.some(FEW_WINDOWS).scatter()
+        apart = float(some.logs.mean() - some.logs.mean(axis=1).min())
+        return apart * float(np.sqrt(self.windows.independent))
 
     def blocks(
         self, scale: float = 1.0, bias: np.ndarray | None = None, maps: np.ndarray = MAPS
@@ -119,8 +130,8 @@ class Pair:
         """
         rates = self.gyr if bias is None else self.gyr - bias
         proper = np.linalg.det(maps) > 0
-        plain = sums(rates * scale, self.vectors, self.windows)[0] if proper.any() else None
-        other = sums(rates * -scale, self.vectors, self.windows)[0] if (~proper).any() else None
+        plain = sums(rates * scale, self.vectors, self.windows) if proper.any() else None
+        other = sums(rates * -scale, self.vectors, self.windows) if (~proper).any() else None
         one = plain if plain is not None else other
         assert one is not None
         return read_as(one, other if other is not None else one, maps)
@@ -153,7 +164,7 @@ class Pair:
         mean = blocks.mean(axis=2)
         left = ((blocks - mean[:, :, None]) ** 2).sum(axis=3).mean(axis=2)
         length = np.linalg.norm(mean, axis=2)
-        part = left / np.maximum(length, SHORTEST * self.usual) ** 2
+        part = left / np.clip(length, SHORTEST * self.usual, self.usual) ** 2
         return Scatter(np.log(part + FLOOR**2), length, self.windows.independent)
 
     def fitted_bias(self, scale: float, one: np.ndarray, bias: np.ndarray) -> np.ndarray:
