@@ -47,6 +47,7 @@ $(VENV)/.lock-installed: requirements.lock
 
 $(VENV)/.project-installed: $(VENV)/.lock-installed pyproject.toml
 	@$(PIP) --no-deps --no-build-isolation --no-index --editable .
+	@find testbench -name '*.nb[ci]' -delete # kernels compiled by an earlier version
 	@touch $@
 
 run: setup ## Run a protocol on the simulated bench (PROTOCOL=protocols/elbow_flexion.yaml)

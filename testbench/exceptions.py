@@ -250,6 +250,17 @@ class ArmRefused(InputError):
     """A real arm is in no state to be driven, and was refused before it moved."""
 
 
+class ProgramError(BenchError):
+    """A fault of the program itself, which nobody foresaw.
+
+    Attributes:
+        file: What happened, for a report; "" where it could not be written.
+    """
+
+    exit_code = 70  # EX_SOFTWARE of sysexits.h
+    file: str = ""
+
+
 class RunInterrupted(BenchError):
     """The operator stopped the run; what was recorded is kept in `session`."""
 

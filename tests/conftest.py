@@ -92,6 +92,17 @@ def data() -> Path:
     return Path(folder)
 
 
+@pytest.fixture(scope="session")
+def cases() -> Path:
+    """The folder of situations from public bug reports, one folder each."""
+    folder = os.environ.get("TESTBENCH_CASES")
+    if not folder:
+        pytest.skip("TESTBENCH_CASES is not set; it names the folder of situations of users")
+    if not (Path(folder) / "files").is_dir():
+        pytest.skip(f"TESTBENCH_CASES names {folder}, which has no folder files")
+    return Path(folder) / "files"
+
+
 Change = Callable[[dict[str, Any]], None]
 ProtocolMaker = Callable[[str, Change], Path]
 

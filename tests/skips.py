@@ -48,6 +48,11 @@ def excuses() -> list[Excuse]:
             not (Path(__file__).resolve().parents[2] / "shared" / "data").is_dir(),
             "the recordings do not lie beside the repository",
         ),
+        Excuse(
+            "TESTBENCH_CASES is not set",
+            not (Path(__file__).resolve().parents[2] / "shared" / "cases").is_dir(),
+            "the situations do not lie beside the repository",
+        ),
         Excuse("Chromium", "chromium" in without, "apt-get could not install it"),
         Excuse("Vulkan", "libvulkan1" in without, "apt-get could not install it"),
     ]

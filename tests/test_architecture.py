@@ -77,7 +77,9 @@ NAMED = {
 
 
 def part_of(module: Path) -> str:
-    """The part of the package that a module belongs to: `cli` for both cli.py and cli/run.py."""
+    """The part of the package that a module belongs to: `cli` for cli/running.py, `clock` for
+    clock.py.
+    """
     return module.relative_to(PACKAGE).with_suffix("").parts[0]
 
 

@@ -15,23 +15,32 @@ if TYPE_CHECKING:
 def main() -> None:
     """Run the command line; each foreseen error is one message and an exit code, no traceback.
 
+    What nobody foresaw is a fault of the program: one message that names a file to attach, and exit
+    code 70, so that no caller takes it for a limit that was broken.
+
     With --json among the arguments the message is one JSON object on stderr, also for a command
     that was mistyped.
     """
     _collect_seldom()
-    from testbench.cli.app import app
     from testbench.cli.output import say_error, say_json_error
-    from testbench.exceptions import BenchError
+    from testbench.exceptions import BenchError, ProgramError
 
     wants_json = "--json" in sys.argv[1:]
-    try:
-        if wants_json:
-            sys.exit(_run_without_own_errors(app))
-        app()
-    except BenchError as error:
+
+    def tell(error: BenchError) -> None:
         say_json_error(error) if wants_json else say_error(
             str(error), getattr(error, "__notes__", [])
         )
+
+    try:
+        from testbench.cli.app import app
+
+        if wants_json:
+            _log_nothing()
+            sys.exit(_run_without_own_errors(app))
+        app()
+    except BenchError as error:
+        tell(error)
         sys.exit(error.exit_code)
     except BrokenPipeError:
         sys.exit(1)
@@ -41,6 +50,13 @@ def main() -> None:
             f"{error.filename}: {error.strerror}" if error.filename and error.strerror else reason
         )
         sys.exit(3)
+    except Exception as error:
+        from testbench.cli.crash import explain, wants_traceback
+
+        if wants_traceback():
+            raise
+        tell(explain(error, sys.argv[1:]))
+        sys.exit(ProgramError.exit_code)
 
 
 def _collect_seldom() -> None:
@@ -49,6 +65,15 @@ def _collect_seldom() -> None:
     """
     gc.set_threshold(50_000, 10, 10)
     atexit.register(gc.freeze)
+
+
+def _log_nothing() -> None:
+    """Keep what the program notices on its way, such as a wait, off stderr, where JSON is read."""
+    import logging
+
+    logger = logging.getLogger("testbench")
+    if not logger.handlers:
+        logger.addHandler(logging.NullHandler())  # else what is left goes to stderr
 
 
 def _run_without_own_errors(app: Typer) -> int:

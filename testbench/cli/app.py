@@ -32,6 +32,7 @@ from testbench.cli.output import (
     say,
     say_check,
     say_evaluation,
+    say_findings,
     say_json,
     say_table,
     say_warnings,
@@ -166,7 +167,7 @@ def estimate(
     json: JsonOption = False,
 ) -> None:
     """Align clocks and frames, run the filters, compute joint angles."""
-    from testbench.pipeline.analyse import make_estimate
+    from testbench.pipeline.kept_estimate import make_estimate
 
     opened = _open(session)
     result = make_estimate(opened, analysis_request(filters, parameters, calibration, tuned))
@@ -237,8 +238,7 @@ def report(
     if json:
         say_json(result.to_dict())
     else:
-        for note in result.evaluation.notes:
-            say(f"note: {note}")
+        say_findings(result.evaluation.findings)
         say(f"report: {result.report}")
 
 

@@ -78,8 +78,7 @@ def design(
     """
     import numpy as np
 
-    from testbench.pipeline.calibrate import design_calibration
-    from testbench.planning.designed import LEFT_OUT
+    from testbench.planning.designed import LEFT_OUT, design_protocol
     from testbench.planning.experiment_design import Wanted
 
     wanted = Wanted(
@@ -91,7 +90,7 @@ def design(
         float(np.radians(turn)),
         seed=seed,
     )
-    found = design_calibration(out, robot, like, sensor, wanted, link)
+    found = design_protocol(out, robot, like, sensor, wanted, link)
     rows: list[list[Any]] = [
         [row.parameter, row.unit, row.compared, row.designed, row.ratio] for row in found.rows
     ]

@@ -68,8 +68,8 @@ def export(
     json: JsonOption = False,
 ) -> None:
     """Write a session in a format that other programs read."""
+    from testbench.pipeline.exports import export as write_export
     from testbench.pipeline.request import ExportRequest
-    from testbench.pipeline.show import export as write_export
     from testbench.records.session.session import Session
 
     where: Any = frame.value

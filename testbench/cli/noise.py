@@ -46,8 +46,6 @@ def noise(
             }
         )
         return
-    if not found.rows:
-        say("the recording holds no rest of 10 s or more, so no noise was measured")
     say_noise(found.rows)
     for note in found.notes:
         say(f"note: {note}")

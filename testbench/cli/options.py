@@ -134,6 +134,17 @@ def analysis_request(
     )
 
 
+def analysis_words(asked: AnalysisRequest) -> list[str]:
+    """The options that say how to analyse, as they are typed."""
+    words = [] if asked.filters is None else ["--filters", ",".join(asked.filters)]
+    for name, parameters in asked.parameters.items():
+        for parameter, value in parameters.items():
+            words += ["--set", f"{name}.{parameter}={value!r}"]
+    words += [] if asked.calibrations is None else ["--calibration", asked.calibrations]
+    words += [word for tuning in asked.tunings for word in ("--tuned", tuning)]
+    return words if asked.report else [*words, "--no-report"]
+
+
 def optional(path: Path | None) -> str | None:
     """A path as requests hold it; None where the option was left away."""
     return None if path is None else str(path)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from testbench.exceptions import BenchError
     from testbench.execution.run_progress import Progress as RunProgress
+    from testbench.records.findings.finding import Finding
     from testbench.records.results.evaluation import ChainRow, Evaluation, NoiseRow
     from testbench.records.session.plan import Plan
 
@@ -52,6 +53,12 @@ def say(message: str) -> None:
 def say_note(message: str) -> None:
     """A line for people on stderr, which is no error."""
     print(message, file=sys.stderr)
+
+
+def say_findings(findings: Iterable[Finding]) -> None:
+    """A line a finding, which says how much it weighs."""
+    for finding in findings:
+        say(f"{finding.severity}: {finding}")
 
 
 def say_json(data: Any) -> None:
@@ -260,8 +267,7 @@ def say_evaluation(
     if evaluation.orientation:
         _say_orientation(evaluation)
     say_noise(evaluation.noise)
-    for note in evaluation.notes:
-        say(f"note: {note}")
+    say_findings(evaluation.findings)
     say(f"outcome: {evaluation.verdict}")
     if simulated:
         say(f"simulated: {' and '.join(simulated)}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from testbench.cli.options import JsonOption, LogsOption
-from testbench.cli.output import say, say_json, say_table
+from testbench.cli.output import say, say_findings, say_json, say_table
 
 if TYPE_CHECKING:
     from testbench.execution.run_progress import Progress
@@ -119,6 +119,7 @@ def _say_recorded(session: Session, json: bool) -> None:
                 "session": str(session.path),
                 "status": session.status,
                 "duration_s": session.manifest.duration_s,
+                "findings": session.manifest.findings,
                 "notes": session.manifest.notes,
                 "sensors": statistics,
             }
@@ -145,6 +146,5 @@ def _say_recorded(session: Session, json: bool) -> None:
         "reconnects",
     ]
     say_table(f"Recorded, {session.manifest.duration_s or 0.0:.1f} s", columns, rows)
-    for note in session.manifest.notes:
-        say(f"note: {note}")
+    say_findings(session.manifest.findings)
     return say(f"session: {session.path}")

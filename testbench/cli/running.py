@@ -22,6 +22,7 @@ from testbench.cli.options import (
     SetOption,
     TunedOption,
     analysis_request,
+    analysis_words,
     exit_code,
     optional,
 )
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from testbench.cli.output import RunDisplay
     from testbench.pipeline.analyse import Result
     from testbench.pipeline.prepared import Prepared
-    from testbench.pipeline.request import RunRequest
+    from testbench.pipeline.request import Request
     from testbench.pipeline.watcher import Consent, Watcher
     from testbench.records.session.plan import Plan, PlannedStep
 
@@ -143,7 +144,7 @@ def run(
         ),
         analysis=analysis_request(filters, parameters, calibration, tuned, not no_report),
     )
-    with _resumable(asked.run), progress_bar(not json) as display:
+    with _resumable(asked), progress_bar(not json) as display:
         consent = consent_of(confirm_motion, hazards_checked)
         result = carry_out(asked, _watcher(display, consent))
     _finish(result, json)
@@ -162,7 +163,7 @@ def _finish(result: Result, json: bool) -> None:
 
 
 @contextmanager
-def _resumable(asked: RunRequest) -> Iterator[None]:
+def _resumable(asked: Request) -> Iterator[None]:
     """Give an error after a session was made the line that goes on with it."""
     from testbench.exceptions import BenchError
     from testbench.records.session.session import Session
@@ -198,6 +199,9 @@ def _say_prepared(prepared: Prepared) -> None:
     """By which protocol a session goes on, or what a plan warns of."""
     if prepared.resumed is not None:
         say_note(prepared.note)
+        words = analysis_words(prepared.analysis.asked)
+        if words:
+            say_note(f"analysed with {shlex.join(words)}")
     else:
         say_warnings(prepared.plan)
 
@@ -228,14 +232,16 @@ class _Asker:
         return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
 
-def resume_line(asked: RunRequest, session: Path) -> str:
-    """The command that goes on with a session, with the same arm and sensors.
+def resume_line(asked: Request, session: Path) -> str:
+    """The command that goes on with a session, with the same arm, sensors and analysis.
 
     The hazards will be asked for.
     """
-    words, arm = ["testbench", "run", "--resume", str(session)], asked.arm
+    words, arm = ["testbench", "run", "--resume", str(session)], asked.run.arm
+    if asked.run.resume is not None and asked.run.protocol is not None:
+        words.append(asked.run.protocol)
     if arm.driver == SIM.name:
-        return shlex.join(words)
+        return shlex.join([*words, *analysis_words(asked.analysis)])
     words += ["--arm", arm.driver]
     words += ["--host", arm.host] if arm.host else []
     words += ["--log", arm.log] if arm.log is not None else []
@@ -244,9 +250,9 @@ def resume_line(asked: RunRequest, session: Path) -> str:
     words += [word for text in arm.serial for word in ("--serial", text)]
     words += [word for text in arm.dots for word in ("--dot", text)]
     words += ["--kinematics", arm.kinematics] if arm.kinematics is not None else []
-    words += ["--logs", asked.logs] if asked.logs != "logs" else []
-    words += ["--seed", str(asked.seed)] if asked.seed else []
-    return shlex.join(words)
+    words += ["--logs", asked.run.logs] if asked.run.logs != "logs" else []
+    words += ["--seed", str(asked.run.seed)] if asked.run.seed else []
+    return shlex.join([*words, *analysis_words(asked.analysis)])
 
 
 def say_motion(plan: Plan, steps: list[PlannedStep] | None = None) -> None:

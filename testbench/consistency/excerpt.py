@@ -24,6 +24,8 @@ STRETCH_STEPS = 1024
 """Steps that are kept or dropped together, about 10 s."""
 MOST_STEPS = 120 * STRETCH_STEPS
 """Steps kept of a recording, 20 min at 100 Hz; the memory of the checks, and their time."""
+ABSURD = 1e9
+"""A number beyond this is no reading in any unit; the mean of any with one is not used, either."""
 STUCK = 4
 """So many repetitions of all readings in a row are no measurement."""
 
@@ -184,11 +186,12 @@ def _usual(steps: np.ndarray, over: int) -> float:
 def _means(values: np.ndarray, dead: np.ndarray, each: int) -> np.ndarray:
     """Means over each so many rows; NaN where one of them is dead."""
     if each > 1:
-        means = values.reshape(-1, each, values.shape[1]).mean(axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            means = values.reshape(-1, each, values.shape[1]).mean(axis=1)
         lost = dead.reshape(-1, each).any(axis=1)
     else:
         means, lost = values.astype(float), dead
-    means[lost | ~np.isfinite(means).all(axis=1)] = np.nan
+    means[lost | ~(np.abs(means) < ABSURD).all(axis=1)] = np.nan
     return means
 
 

@@ -325,8 +325,10 @@ def prepare_sensor(
     if recording.truth is not None and recording.truth.is_long:
         truth = recording.truth.near(time)
     uniform, rows = access.regular(clock)
-    static = detect_static(uniform.angular_rate(), uniform.interval, rows)[rows]
-    quality = access.quality(clock, static)
+    measured = access.measured
+    resting = detect_static(uniform.angular_rate(), uniform.interval, rows[measured])
+    static = resting[rows] & measured
+    quality = access.quality(static)
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration = _calibrate(
@@ -467,13 +469,16 @@ def _mounting(
 def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]:
     """The alignment of one filter, and what is doubtful about it."""
     run, truth, time = sensor.facts, sensor.truth, sensor.estimate.host_time_ns
+    sound = ~sensor.estimate.flagged
     method = run.settings.align
     if method == "none" or truth is None:
         return FrameFit(), None
     if sensor.aligned_to is not None:
-        q, time = q[:: sensor.aligned_every], time[:: sensor.aligned_every]
+        every = sensor.aligned_every
+        q, time, sound = q[::every], time[::every], sound[::every]
         known = (
-            before_judging(run.steps, time)
+            sound
+            & before_judging(run.steps, time)
             & np.isfinite(sensor.aligned_to[:, 0])
             & np.isfinite(q[:, 0])
         )
@@ -489,7 +494,7 @@ def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]
     if step is None:
         return FrameFit(), "there is no dwell to align it in"
     begin, end = aligning_part(step)
-    mine = (time >= begin) & (time <= end)
+    mine = sound & (time >= begin) & (time <= end)
     known = (
         (truth.host_time_ns >= begin)
         & (truth.host_time_ns <= end)

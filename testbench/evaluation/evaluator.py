@@ -166,10 +166,11 @@ def _sensor_tables(
         finding("judged.filter_left_out", name, filter=key, why=why)
         for key, why in sensor.skipped.items()
     ]
+    told = {own.values.get("reason") for own in sensor.findings if own.code.startswith("samples.")}
     found += [
         finding("judged.samples_left_out", name, count=count, reason=reason)
         for reason, count in sensor.quality.items()
-        if count
+        if count and reason.removeprefix("excluded: ") not in told
     ]
     known = {(one.code, one.where) for one in session.manifest.findings}
     told = [one.at(name) for one in sensor.findings]

@@ -50,6 +50,22 @@ def longest_rest(time_ns: np.ndarray, still: np.ndarray) -> slice | None:
     Returns:
         None where it is shorter than `SHORTEST_S`.
     """
+    rest = _longest_run(time_ns, still)
+    return rest if rest is not None and _span_s(time_ns, rest) >= SHORTEST_S else None
+
+
+def longest_rest_s(estimate: SensorEstimate) -> float:
+    """How long a sensor rested without a gap, at the longest [s]; also where that is too short."""
+    rest = _longest_run(estimate.host_time_ns, estimate.static & ~estimate.flagged)
+    return 0.0 if rest is None else _span_s(estimate.host_time_ns, rest)
+
+
+def _span_s(time_ns: np.ndarray, rest: slice) -> float:
+    return float(time_ns[rest.stop - 1] - time_ns[rest.start]) / NANOSECONDS
+
+
+def _longest_run(time_ns: np.ndarray, still: np.ndarray) -> slice | None:
+    """The longest run of at least three samples at rest without a gap."""
     broken = np.concatenate(
         [[True], ~still[1:] | ~still[:-1] | (np.diff(time_ns) > LONGEST_GAP_NS), [True]]
     )
@@ -58,12 +74,7 @@ def longest_rest(time_ns: np.ndarray, still: np.ndarray) -> slice | None:
         return None
     longest = int(np.argmax(np.diff(edges)))
     rest = slice(int(edges[longest]), int(edges[longest + 1]))
-    if (
-        rest.stop - rest.start < 3
-        or (time_ns[rest.stop - 1] - time_ns[rest.start]) < SHORTEST_S * NANOSECONDS
-    ):
-        return None
-    return rest
+    return rest if rest.stop - rest.start >= 3 else None
 
 
 @dataclass(frozen=True)

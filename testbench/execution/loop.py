@@ -213,8 +213,9 @@ class RunLoop:
         """Say with an error what to do, and where the data are."""
         if isinstance(error, BenchError):
             error.session = session
-        if self.fault in self.arm.remedies:
-            error.add_note(f"what to do: {self.arm.remedies[self.fault]}")
+        remedy = self.arm.entry.remedy(self.fault)
+        if remedy is not None:
+            error.add_note(f"what to do: {remedy}")
         error.add_note(self.recorder.kept)
 
 

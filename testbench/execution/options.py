@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,8 @@ class RunOptions:
         steps: Those that an arm in its own time does; all if None.
         checklist: What was confirmed before a real arm moves.
         resumes: Session and steps that this run goes on with, in a session of its own.
+        analysis_request: How the session is to be analysed, as JSON, for the manifest: for whoever
+            goes on with the run.
         keys: Listen to the keyboard: p pauses, r resumes, q stops.
         progress: Told after every reading how far the run is.
         notify: Told what a person must know of the arm, once it is connected.
@@ -51,6 +53,7 @@ class RunOptions:
     steps: list[PlannedStep] | None = None
     checklist: dict[str, Any] | None = None
     resumes: dict[str, Any] | None = None
+    analysis_request: Mapping[str, Any] = field(default_factory=dict)
     keys: bool = False
     progress: Callable[[Progress], None] | None = None
     notify: Callable[[str], None] = nobody

@@ -257,6 +257,7 @@ class RunRecorder(Recorder):
             "simulated_sensors": simulated,
             "checklist": self.options.checklist,
             "resumes": self.options.resumes,
+            "analysis_request": dict(self.options.analysis_request),
         }
         if self.sensors.environment is not None:
             details["environment"] = self.sensors.environment
@@ -280,7 +281,11 @@ class RunRecorder(Recorder):
     def _again(self, session: Session) -> SessionWriter:
         """A session to go on with; its events are not written a second time."""
         duration = session.manifest.duration_s
-        writer = SessionWriter.reopen(session.path, {"at_s": duration, "was": str(session.status)})
+        writer = SessionWriter.reopen(
+            session.path,
+            {"at_s": duration, "was": str(session.status)},
+            {"analysis_request": dict(self.options.analysis_request)},
+        )
         if (
             session.status is RunStatus.INTERRUPTED
         ):  # it ends with the arm's stop, which must not stay in the middle

@@ -73,6 +73,11 @@ def _recovered(session: Session) -> Session:
         kind, planned = "run", f" of {_planned_s(session):.1f}"
     duration = last_ns / NANOSECONDS
     message = f"cut off after {duration:.1f}{planned} s and recovered"
+    if last_ns == 0 and kind == "run":
+        # Time 0 is when the arm stands at its start: of the way there nothing is recorded.
+        message = (
+            f"cut off before the arm stood at its start, and recovered; none{planned} s are there"
+        )
     note_end(session, Event(last_ns, f"{kind}_aborted", {"message": message}))
     session.manifest.changed(
         status=RunStatus.ABORTED, message=message, duration_s=duration, files=file_hashes(path)

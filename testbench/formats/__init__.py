@@ -20,11 +20,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Format:
-    """A file format: where its importer lives, and a line for people."""
+    """A file format: where its importer lives, and a line for people.
+
+    Attributes:
+        module: Of the importer.
+        description: For people.
+        tried: On which files that none of our code wrote; "" where none could be had.
+        with_options: Whether the importer takes options.
+    """
 
     module: str
     description: str
+    tried: str = ""
     with_options: bool = field(default=True)
+
+    @property
+    def line(self) -> str:
+        """The description, and what the importer was tried on."""
+        return f"{self.description}; {f'tried on {self.tried}' if self.tried else UNTRIED}"
 
     def read(self, files: list[Path], options: Options) -> Recording:
         """Read files with the importer's own function `read`."""
@@ -32,15 +45,18 @@ class Format:
         return function(files, options) if self.with_options else function(files)
 
 
+UNTRIED = "never tried on a real file"
 FORMATS = {
     "broad": Format(
         "testbench.formats.vendors.broad",
         "a BROAD trial (.mat or .hdf5): IMU and optical orientation at 285.7 Hz",
+        "trials of the dataset",
         with_options=False,
     ),
     "xsens_dot": Format(
         "testbench.formats.vendors.xsens_dot",
         "Xsens DOT, CSV of the vendor's app in any payload mode, one file a sensor",
+        "files of the vendor's app in one of the modes",
     ),
     "matrix": Format(
         "testbench.formats.vendors.matrix",
@@ -49,6 +65,7 @@ FORMATS = {
     "imu_tk": Format(
         "testbench.formats.vendors.imu_tk",
         "a pair of text files (accelerometer, gyroscope) of time, x, y, z, raw counts or SI",
+        "the pair of its example",
     ),
     "technaid": Format(
         "testbench.formats.vendors.technaid", "Technaid Tech-IMU, CSV with one or more sensors"
@@ -56,26 +73,59 @@ FORMATS = {
     "shimmer": Format(
         "testbench.formats.vendors.shimmer",
         "Shimmer, CSV or TSV exported by Consensys (calibrated columns)",
+        "the first rows of published files",
     ),
     "ngimu": Format(
         "testbench.formats.vendors.ngimu",
         "x-io NGIMU, sensors.csv and quaternion.csv of one or more devices",
+        "rows of the maker's example",
+    ),
+    "ximu3": Format(
+        "testbench.formats.vendors.ximu3",
+        "x-io x-IMU3, Inertial.csv, Magnetometer.csv, Quaternion.csv and others, or their folders",
+        "rows of the maker's examples",
+    ),
+    "apdm": Format(
+        "testbench.formats.vendors.apdm",
+        "APDM Opal, HDF5 of Mobility Lab or Motion Studio, one or more sensors",
     ),
     "mtw": Format(
         "testbench.formats.vendors.mtw",
         "Xsens MTw or MTi, text exported by MT Manager, one file a sensor",
+        "the first rows of published files",
     ),
     "mti_mat": Format(
         "testbench.formats.vendors.mti_mat",
         "MATLAB file with arrays acc, gyr, mag (Xsens MTi and others)",
     ),
+    "rosbag": Format(
+        "testbench.formats.vendors.rosbag",
+        "ROS 1 bag, ROS 2 bag or MCAP with sensor_msgs/Imu, a sensor a topic",
+        "bags of the writers of rosbags and mcap",
+    ),
+    "opensim_sto": Format(
+        "testbench.formats.vendors.opensim_sto",
+        "OpenSim .sto, a table of orientations, a sensor a column",
+        "files of OpenSim's own writer",
+    ),
     "generic": Format(
         "testbench.formats.vendors.generic",
         "any CSV, TSV or Parquet, by a mapping in YAML (--mapping)",
+        "the session of imucal",
     ),
 }
 
-
+TRUTHS = {
+    "C3D": "markers (.c3d); tried on files of ezc3d's writer",
+    "TRC": "markers (.trc); tried on files of OpenSim's writer",
+    "Motive": f"markers and rigid bodies of OptiTrack, CSV; {UNTRIED}",
+    "Vicon": f"markers and rigid bodies of Nexus or Tracker, CSV; {UNTRIED}",
+    "Qualisys": f"markers or rigid bodies, TSV; {UNTRIED}",
+    "OpenSim": "orientations of bodies (.sto); tried on files of OpenSim's writer",
+    "ROS": "joint states, transforms, poses in a bag; tried on bags of the writer of rosbags",
+    "table": "orientations (time_s, q_w, q_x, q_y, q_z), or joint angles of a robot (--robot)",
+}
+"""What --truth reads, for people."""
 UNDATED = (
     "the date of the recording is unknown: of several stored calibrations none can be chosen as "
     "the nearest in time, and one made from it bears the date of the import; state it with "
@@ -112,13 +162,17 @@ def import_recording(
     from testbench.formats.options import Options
     from testbench.formats.recording import write_recording
     from testbench.formats.remap import remap_axes
+    from testbench.formats.signatures import with_other_format
 
     if name not in FORMATS:
         raise NotFoundError("format", name, list(FORMATS))
     _check_out(out)
     options = options if options is not None else Options()
     stated = None if options.recorded_at is None else stated_date(options.recorded_at)
-    recording = FORMATS[name].read(files, options)
+    try:
+        recording = FORMATS[name].read(files, options)
+    except FileProblems as error:
+        raise with_other_format(error, name) from None
     options.check_all_used(name)
     recording.answered = frozenset(options.units)
     recording.recorded = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -46,6 +46,9 @@ class ImportedSensor:
         description: For people.
         truth: What it went through, where the file says so.
         details: Further entries of the sensor in the manifest, such as scale factors.
+        findings: What was noticed of it when it was opened.
+        told: What was noticed of its samples, once they were gone through.
+        unix: Whether its device times are Unix times.
     """
 
     chunks: Iterable[ImuSamples]
@@ -53,6 +56,9 @@ class ImportedSensor:
     description: str
     truth: Truth | None = None
     details: dict[str, Any] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+    told: Callable[[], list[Finding]] = list
+    unix: bool = False
 
     def head(self) -> ImuSamples | None:
         """The first chunk, None if there is none."""
@@ -74,6 +80,8 @@ class Recording:
         recorded: When it was made, None where nobody says.
         answered: Quantities whose units a person stated, which settles every doubt of them: "acc",
             "gyr", "mag", "time".
+        origin_ns: What the clock of the files said at host time zero, where a truth on the same
+            clock may come from another file [ns].
     """
 
     name: str
@@ -85,8 +93,15 @@ class Recording:
     steps: list[PlannedStep] = field(default_factory=list)
     recorded: Recorded | None = None
     answered: frozenset[str] = frozenset()
+    origin_ns: int | None = None
+
+    @property
+    def told(self) -> list[Finding]:
+        """All that was noticed."""
+        return told_once([*self.findings, *(noted(note) for note in self.notes)])
 
 
+# Long by its arguments, and by what is undone where an import is cut off.
 def write_recording(
     recording: Recording, files: list[Path], format_name: str, out: Path, clock: Clock
 ) -> Session:
@@ -130,8 +145,8 @@ def write_recording(
             "protocol": {"name": recording.name, "purpose": recording.purpose},
         },
     )
+    findings = recording.told
     begin, end, counts = np.inf, -np.inf, {}
-    found = [*recording.findings, *(noted(note) for note in recording.notes)]
     try:
         for name, sensor in recording.sensors.items():
             consistency = Consistency()
@@ -140,8 +155,9 @@ def write_recording(
             )
             own = consistency.findings()
             refuse_contradictions(name, own, recording.answered)
-            found += [one.at(name) for one in own]
+            findings += [one.at(name) for one in own]
             begin, end = min(begin, first), max(end, last)
+            findings += [found.at(name) for found in (*sensor.findings, *sensor.told())]
             if sensor.truth is not None:
                 writer.add_table(truth_stream(name), sensor.truth.to_columns(), TRUTH_NOTES)
         for event in step_events(recording.steps):
@@ -150,7 +166,7 @@ def write_recording(
             RunStatus.COMPLETED,
             duration_s=float(end - begin) / NANOSECONDS,
             samples=counts,
-            findings=told_once(found),
+            findings=told_once(findings),
         )
     except OSError as error:
         writer.discard()

@@ -10,6 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from testbench.model.kernel_cache import forgive
+
+forgive()  # here, for nearly all that has kernels turns something
+
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 GIMBAL_LOCK = 1e-7
 """So near to its end the middle angle leaves only the sum or difference of the others [rad]."""
@@ -255,13 +259,14 @@ def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
     """The rotation R that maximises trace(R' matrix): Wahba's problem (Markley 1988).
 
     Args:
-        matrix: Shape (3, 3).
+        matrix: Shape (..., 3, 3).
 
     Returns:
-        Shape (3, 3).
+        Shape (..., 3, 3).
     """
     u, _, vt = np.linalg.svd(matrix)
-    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+    u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
+    return np.asarray(u @ vt)
 
 
 def from_rotation_vector(vector: np.ndarray) -> np.ndarray:

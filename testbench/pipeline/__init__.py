@@ -1,9 +1,12 @@
 """Where the stages meet: what is asked of the bench comes in as a record, and goes through them.
 
 - `request`: what is asked; `watcher`: who looks on, and what a person allows.
-- `run`: carry out a request for a run; with `prepared`, `arm`, `approval`, `resume`.
-- `analyse`: estimate, evaluate and report a recording; `show`: look at it, or export it.
-- `calibrate`, `noise`, `tune`: what sensors and filters are found to be.
+- `run`: carry out a request for a run; with `prepared`, `arm`, `own_kinematics`, `approval`,
+  `resume`, `kept_analysis`.
+- `analyse`: estimate, evaluate and report a recording; with `loaded_analysis`, `kept_estimate`.
+- `show`: look at a recording; `exports`: write it for other programs.
+- `calibrate`, `noise`, `noise_preset`, `tune`, `parameter_space`: what sensors and filters are
+  found to be.
 - `record`, `bring_in`: other ways to a recording.
 
 Modules are imported one by one: who evaluates a session need not load what drives an arm.

@@ -28,7 +28,8 @@ def approve(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> dict[str
 
     Raises:
         ArmRefused: The motion or a hazard was not confirmed.
-        InputError: There are no sensors, or the arm must not be driven.
+        InputError: There are no sensors, or others than those that began, or the arm must not be
+            driven.
         DriverError: A live sensor delivers nothing, or there is no controller that answers.
     """
     watcher.motion(prepared)
@@ -41,5 +42,5 @@ def approve(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> dict[str
         raise ArmRefused(
             "nothing moves: the hazards must be confirmed on a terminal, or with --hazards-checked"
         )
-    look_at_arm(prepared.plan, asked, prepared.steps, watcher.clock)
+    look_at_arm(prepared, asked, watcher.clock)
     return confirm_hazards(consent.ask) | {"by": consent.asked}

@@ -11,12 +11,14 @@ from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.catalogue import SIM
 from testbench.drivers.arms.entry import WantedArm
 from testbench.drivers.session_time import SessionTime
-from testbench.exceptions import InputError
+from testbench.exceptions import BenchError, InputError
 from testbench.execution.devices import open_devices
+from testbench.execution.resume import refuse_differences
 from testbench.execution.sensors import Sensors
+from testbench.pipeline.prepared import Prepared
 from testbench.pipeline.request import RunRequest
 from testbench.pipeline.watcher import Consent
-from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.session.plan import Plan
 from testbench.records.specs.arm_calibration import load_arm_calibration
 
 
@@ -109,28 +111,46 @@ def make_arm(plan: Plan, asked: RunRequest, clock: Clock) -> tuple[SteppingArm, 
     return arm, Sensors.live(plan, devices)
 
 
-def look_at_arm(
-    plan: Plan, asked: RunRequest, steps: list[PlannedStep] | None, clock: Clock
-) -> None:
+def refuse_other_sensors(prepared: Prepared, sensors: Sensors) -> None:
+    """Refuse to go on with other sensors than those that began.
+
+    Args:
+        prepared: What the arm would do.
+        sensors: Of today; they are let go where they are refused.
+
+    Raises:
+        InputError: Lists what differs.
+    """
+    if prepared.resumed is None:
+        return
+    today = {name: imu.describe() for name, imu in sensors.imus.items()}
+    try:
+        refuse_differences(prepared.resumed, prepared.plan, today)
+    except BenchError:
+        sensors.close()
+        raise
+
+
+def look_at_arm(prepared: Prepared, asked: RunRequest, clock: Clock) -> None:
     """Refuse what a run would refuse of its sensors and arm, before a person is asked anything.
 
     The controller is let go again: a person takes time to answer.
 
     Args:
-        plan: Of the run.
+        prepared: What the arm would do.
         asked: Arm and sensors.
-        steps: Those of its steps to do; all if None.
         clock: Of the session.
 
     Raises:
-        InputError: As for `make_arm`, or the arm must not be driven.
+        InputError: As for `make_arm` and `refuse_other_sensors`, or the arm must not be driven.
         DriverError: A live sensor delivers nothing, or there is no controller that answers.
     """
-    arm, sensors = make_arm(plan, asked, clock)
+    arm, sensors = make_arm(prepared.plan, asked, clock)
+    refuse_other_sensors(prepared, sensors)
     try:
         sensors.listen()
         arm.connect()
-        arm.check_way(plan, steps)
+        arm.check_way(prepared.plan, prepared.steps)
     finally:
         arm.close()
         sensors.close()

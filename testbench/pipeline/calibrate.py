@@ -1,4 +1,4 @@
-"""Calibrate a sensor from a session, or design the session that calibrates it best."""
+"""Calibrate a sensor from a session."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from testbench.clock import utc_name
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
 from testbench.exceptions import InputError
 from testbench.pipeline.request import CalibrationRequest
-from testbench.planning.designed import DesignedProtocol, design_protocol
-from testbench.planning.experiment_design import Wanted
 from testbench.records.results.calibration_file import SUFFIXES, save_calibration
 from testbench.records.results.calibration_result import CalibrationResult
 from testbench.records.session.session import Session
@@ -83,23 +81,3 @@ def only_sensor(session: Session, name: str | None) -> str:
             f"the session has several sensors ({', '.join(names)}); say which with --sensor"
         )
     return name or names[0]
-
-
-def design_calibration(
-    out: Path, robot: str, like: str, sensor: str | None, wanted: Wanted, link: str | None = None
-) -> DesignedProtocol:
-    """Design a calibration, compare it with the static poses of a protocol, check it, and write it.
-
-    Args:
-        out: Protocol file to write.
-        robot: Name or file.
-        like: Protocol that describes the sensor and is compared with.
-        sensor: Which of its sensors; may be None where there is one.
-        wanted: How many poses and turns, and how.
-        link: That carries the sensor on this arm, in the mounting that `like` states; the link that
-            `like` names if None.
-
-    Raises:
-        InputError: The file exists, or nothing can be designed.
-    """
-    return design_protocol(out, robot, like, sensor, link, wanted)

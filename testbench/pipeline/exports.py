@@ -1,10 +1,12 @@
-"""Write a session with an estimate that is there, in the formats that other programs read."""
+"""Write a session in the formats that other programs read."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
+from testbench.estimation import estimate
+from testbench.estimation.filters import FILTERS, OrientationFilter, plugins
 from testbench.evaluation import evaluate
 from testbench.exceptions import InputError, NotFoundError
 from testbench.formats.exporters import (
@@ -15,9 +17,41 @@ from testbench.formats.exporters import (
     prepare_export,
     write_export,
 )
-from testbench.pipeline.request import ExportRequest
+from testbench.pipeline.kept_estimate import is_as_asked, load_or_estimate, stored_estimate
+from testbench.pipeline.loaded_analysis import load_analysis, sound
+from testbench.pipeline.request import AnalysisRequest, ExportRequest
 from testbench.records.results.estimate import Estimate
 from testbench.records.session.session import Session
+from testbench.records.session.session_lock import session_locked
+
+
+@session_locked
+def export(session: Session, asked: ExportRequest) -> Exported:
+    """Write a session in a format that other programs read.
+
+    What the session keeps of its estimate stays as it is, but that one is kept where there is none.
+
+    Args:
+        session: The recording.
+        asked: In which format, and whose orientation.
+
+    Raises:
+        NotFoundError: No such format, filter or parameter.
+        InputError: The place is taken, or the session lacks what the format needs; nothing is
+            written then.
+    """
+    own = None if asked.filter is None else _own_filter(asked.filter)
+    wanted = asked.filter if own is None else own.name
+    path = _place(session, asked, wanted)
+    stored = stored_estimate(session)
+    if own is not None:
+        estimated = estimate(session, [own], parameters=asked.parameters)
+    else:
+        known = list(dict.fromkeys([TRUTH, *FILTERS, *_filters_of(stored)]))
+        if wanted is not None and wanted not in known:
+            raise NotFoundError("filter", wanted, known)
+        estimated = _estimate_with(session, asked, stored)
+    return _write(ExportSource(session, estimated, wanted, asked.frame), asked, path)
 
 
 def export_estimate(session: Session, asked: ExportRequest, estimated: Estimate) -> Exported:
@@ -32,9 +66,9 @@ def export_estimate(session: Session, asked: ExportRequest, estimated: Estimate)
         InputError: As for `refuse_export`, or the place is taken.
         NotFoundError: No such format, or the filter is not in the estimate.
     """
-    refuse_export(asked, filters_of(estimated))
-    path = place(session, asked, asked.filter)
-    return write(ExportSource(session, estimated, asked.filter, asked.frame), asked, path)
+    refuse_export(asked, _filters_of(estimated))
+    path = _place(session, asked, asked.filter)
+    return _write(ExportSource(session, estimated, asked.filter, asked.frame), asked, path)
 
 
 def refuse_export(asked: ExportRequest, filters: Sequence[str]) -> None:
@@ -57,7 +91,7 @@ def refuse_export(asked: ExportRequest, filters: Sequence[str]) -> None:
         raise NotFoundError("filter", asked.filter, known)
 
 
-def filters_of(estimated: Estimate | None) -> list[str]:
+def _filters_of(estimated: Estimate | None) -> list[str]:
     """Names of the filters that ran, or were skipped, for any sensor."""
     sensors = [] if estimated is None else estimated.sensors.values()
     return list(
@@ -65,15 +99,15 @@ def filters_of(estimated: Estimate | None) -> list[str]:
     )
 
 
-def place(session: Session, asked: ExportRequest, wanted: str | None) -> Path:
+def _place(session: Session, asked: ExportRequest, wanted: str | None) -> Path:
     """Where an export goes, once it is known that it can be written there."""
     check_options(asked.format, wanted, asked.frame)
     out = None if asked.out is None else Path(asked.out)
     return prepare_export(asked.format, session, out, asked.force)
 
 
-def write(source: ExportSource, asked: ExportRequest, path: Path) -> Exported:
-    """Write an export to a place that `place` gave."""
+def _write(source: ExportSource, asked: ExportRequest, path: Path) -> Exported:
+    """Write an export to a place that `_place` gave."""
     writer = _write_recording if asked.format == "rrd" else None
     return write_export(asked.format, source, path, writer)
 
@@ -85,3 +119,31 @@ def _write_recording(source: ExportSource, path: Path) -> list[str]:
         source.session, path, source.estimate, evaluate(source.session, source.estimate)
     )
     return []
+
+
+def _own_filter(text: str) -> OrientationFilter | None:
+    """A user's filter from a file or an installed package, once it has passed the self-test.
+
+    None for a name that is neither: an estimate may hold it.
+    """
+    own = text.rpartition(":")[0].endswith(".py") or (
+        text not in FILTERS and text in plugins.installed_filters()
+    )
+    return sound(plugins.find_filter(text)) if own else None
+
+
+def _estimate_with(session: Session, asked: ExportRequest, stored: Estimate | None) -> Estimate:
+    """The stored estimate if it holds what is asked for, else one that does."""
+    if asked.parameters:
+        if asked.filter == TRUTH:
+            raise InputError("parameters are set of a filter, and the true orientation has none")
+        filters = None if asked.filter is None else (asked.filter,)
+        analysis = AnalysisRequest(filters=filters, parameters=asked.parameters)
+        loaded = load_analysis(analysis)
+        if stored is not None and is_as_asked(stored, session, loaded):
+            return stored
+        return loaded.estimate(session)
+    estimated = stored or load_or_estimate(session)
+    if asked.filter is not None and asked.filter not in {TRUTH, *_filters_of(estimated)}:
+        return estimate(session, [asked.filter])
+    return estimated

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from testbench.evaluation import evaluate
+from testbench.evaluation.noise import SHORTEST_S, longest_rest_s
 from testbench.exceptions import InputError, NotFoundError
-from testbench.pipeline.analyse import load_or_estimate
 from testbench.pipeline.calibrate import only_sensor
+from testbench.pipeline.kept_estimate import load_or_estimate
 from testbench.pipeline.noise_preset import measured_sensor
 from testbench.pipeline.request import NoiseRequest
 from testbench.records.disk.yaml_file import load_yaml
@@ -25,7 +26,7 @@ class MeasuredNoise:
     Attributes:
         rows: By sensor, quantity and axis; none where nothing rested for ten seconds.
         file: The preset that was written; None where none was asked for.
-        notes: On what of it was not measured, in sentences.
+        notes: On what of it was not measured, and why, in sentences.
     """
 
     rows: list[NoiseRow]
@@ -49,30 +50,45 @@ def measure_noise(session: Session, asked: NoiseRequest | None = None) -> Measur
     if asked.sensor is not None and asked.sensor not in session.sensor_names:
         raise NotFoundError("sensor", asked.sensor, session.sensor_names)
     rows = [row for row in evaluate(session, estimated).noise if asked.sensor in (None, row.sensor)]
+    notes = _too_short(session, estimated, asked.sensor, rows)
     if asked.out is None:
-        return MeasuredNoise(rows, None, [])
+        return MeasuredNoise(rows, None, notes)
     name = only_sensor(session, asked.sensor)
     own = [row for row in rows if row.sensor == name]
     file = Path(asked.out)
-    return MeasuredNoise(rows, file, _write_preset(session, estimated, own, asked, file))
+    rate = estimated.sensors[name].timing.sampling_rate_hz
+    parameters, on_preset = _preset(session, name, own, rate, asked.like)
+    save_sensor(file, parameters)
+    return MeasuredNoise(rows, file, [*notes, *on_preset])
 
 
-def _write_preset(
-    session: Session, estimated: Estimate, rows: list[NoiseRow], asked: NoiseRequest, file: Path
+def _too_short(
+    session: Session, estimated: Estimate, wanted: str | None, rows: list[NoiseRow]
 ) -> list[str]:
-    """Write the preset of the sensor that the rows are of; sentences on what was not measured."""
-    name = only_sensor(session, asked.sensor)
+    """Why there is no noise of a sensor, in a sentence each."""
+    measured = {row.sensor for row in rows}
+    names = [name for name in session.sensor_names if wanted in (None, name)]
+    return [
+        f"sensor {name}: no noise was measured, for that takes a rest of {SHORTEST_S:g} s; its "
+        f"longest lasts {longest_rest_s(estimated.sensors[name]):.1f} s"
+        for name in names
+        if name not in measured and name in estimated.sensors
+    ]
+
+
+def _preset(
+    session: Session, name: str, rows: list[NoiseRow], rate: float | None, like: str | None
+) -> tuple[ImuParameters, list[str]]:
+    """The preset of the sensor that the rows are of; sentences on what was not measured."""
     span = max((row.span_s for row in rows), default=0.0)
     origin = f"sensor {name} of session {session.name}, {span:.0f} s at rest"
-    rate = estimated.sensors[name].timing.sampling_rate_hz
-    base, base_name = _base(session, name, asked.like)
+    base, base_name = _base(session, name, like)
     parameters, notes = measured_sensor(rows, base, origin, rate, base_name)
-    save_sensor(file, parameters)
     copied = (
         "all that is not noise, such as ranges, bandwidths and turn-on biases, is copied from "
         f"{base_name}"
     )
-    return [*notes, copied]
+    return parameters, [*notes, copied]
 
 
 def _base(session: Session, name: str, like: str | None) -> tuple[ImuParameters, str]:

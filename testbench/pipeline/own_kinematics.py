@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 from pathlib import Path
+from shutil import rmtree
 from tempfile import mkdtemp
 
 from testbench.exceptions import InputError
@@ -17,16 +19,23 @@ from testbench.records.specs.robot import Robot
 def calibrated_robot(protocol: str | Path, robot: str | Path | None, kinematics: Path) -> Robot:
     """The arm of a protocol with its own kinematics, from a calibration.yaml.
 
-    Its corrected URDF lies beside the calibration's folder of the system's temporary files; the
+    Its corrected URDF lies in a temporary folder, which is removed when the process ends; the
     session keeps a copy. What is doubtful about the corrections is among the warnings of every plan
     for it.
+
+    Args:
+        protocol: Name or file.
+        robot: Name or file of the arm as its maker states it; the protocol's if None.
+        kinematics: The calibration.yaml.
 
     Raises:
         InputError: The calibration is another arm's, or can be no factory calibration.
     """
     calibration = load_arm_calibration(kinematics)
     nominal = find_robot(load_protocol(protocol), robot)
-    own = calibrated(nominal, calibration, Path(mkdtemp(prefix="testbench-")))
+    folder = Path(mkdtemp(prefix="testbench-"))
+    atexit.register(rmtree, folder, ignore_errors=True)  # plans read the URDF until then
+    own = calibrated(nominal, calibration, folder)
     try:
         doubt = judge_corrections(nominal, own)
     except InputError as error:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from testbench.estimation.filters import get_filter
 from testbench.exceptions import InputError
-from testbench.pipeline.analyse import LoadedAnalysis, load_analysis
+from testbench.pipeline.exports import refuse_export
+from testbench.pipeline.loaded_analysis import LoadedAnalysis, load_analysis
 from testbench.pipeline.request import Request
 from testbench.planning import plan
 from testbench.records.session.plan import Plan, PlannedStep
@@ -75,6 +76,7 @@ def checked_plan(
     Raises:
         NotFoundError: An unknown filter or parameter.
         FileProblems: A malformed file, or parameters that a filter of the protocol does not take.
+        InputError: Tunings that do not fit, or an export that the analysis cannot come to.
     """
     made = plan(protocol, robot)
     document = made.protocol.document
@@ -84,5 +86,7 @@ def checked_plan(
             get_filter(name, parameters)
         except InputError as error:
             raise document.problem(str(error), "estimate", "filter_parameters", name) from None
-    analysis.refuse(settings)
+    names = [kind.name for kind in analysis.choose(settings)]
+    for wanted in analysis.asked.exports:
+        refuse_export(wanted, names)
     return made

@@ -16,7 +16,7 @@ from testbench.execution.resume import (
     stored_protocol,
     stored_robot,
 )
-from testbench.pipeline.analyse import LoadedAnalysis
+from testbench.pipeline.loaded_analysis import LoadedAnalysis
 from testbench.pipeline.prepared import Prepared, checked_plan
 from testbench.pipeline.request import RunRequest
 from testbench.records.session.session import Session

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from testbench.drivers.arms.catalogue import SIM, refuse_other_maker
@@ -11,11 +12,13 @@ from testbench.execution import RunOptions, execute
 from testbench.execution.executor import execute_on_arm, simulated_sensors
 from testbench.execution.resume import open_for_resume, refuse_differences
 from testbench.execution.run_progress import Progress
-from testbench.pipeline.analyse import Result, analyse, load_analysis
+from testbench.pipeline.analyse import Result, analyse
 from testbench.pipeline.approval import approve
-from testbench.pipeline.arm import make_arm, moves, refuse_arm
+from testbench.pipeline.arm import make_arm, moves, refuse_arm, refuse_other_sensors
+from testbench.pipeline.kept_analysis import analysis_to_go_on, kept_analysis
+from testbench.pipeline.loaded_analysis import load_analysis
 from testbench.pipeline.prepared import Prepared, plan_for
-from testbench.pipeline.request import Request, RunRequest
+from testbench.pipeline.request import AnalysisRequest, Request, RunRequest
 from testbench.pipeline.resume import prepare_resume, refuse_other_arm
 from testbench.pipeline.watcher import Consent, Watcher
 from testbench.records.session.session import Session
@@ -43,8 +46,9 @@ def run(asked: Request, watcher: Watcher | None = None, prepared: Prepared | Non
     """
     watcher = watcher or Watcher()
     prepared = prepared or prepare(asked, watcher.consent)
-    if prepared.analysis.asked != asked.analysis:
-        prepared = replace(prepared, analysis=load_analysis(asked.analysis))
+    wanted = _analysis(asked)
+    if prepared.analysis.asked != wanted:
+        prepared = replace(prepared, analysis=load_analysis(wanted))
     watcher.prepared(prepared)
     simulated = asked.run.arm.driver == SIM.name
     record = _record_simulated if simulated else _record_on_arm
@@ -69,7 +73,7 @@ def prepare(asked: Request, consent: Consent | None = None) -> Prepared:
         SessionError: The session to go on with was completed, or is no run.
         InputError: Something cannot be used, or the arm is another maker's.
     """
-    analysis = load_analysis(asked.analysis)
+    analysis = load_analysis(_analysis(asked))
     if asked.run.resume is not None:
         refuse_other_arm(asked.run)
     refuse_arm(asked.run, consent or Consent())
@@ -80,9 +84,18 @@ def prepare(asked: Request, consent: Consent | None = None) -> Prepared:
     return Prepared(plan, analysis)
 
 
+def _analysis(asked: Request) -> AnalysisRequest:
+    """How a run is analysed: one that goes on as it was to be when it began, if nothing else is
+    asked for.
+    """
+    if asked.run.resume is None:
+        return asked.analysis
+    return analysis_to_go_on(Session(Path(asked.run.resume)), asked.analysis)
+
+
 def _record_simulated(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> Session:
     """Record the simulated arm; a session that broke off is completed as it began."""
-    options = _options(asked, watcher)
+    options = _options(prepared, asked, watcher)
     resumed = prepared.resumed
     if resumed is None:
         return execute(prepared.plan, options=options)
@@ -103,29 +116,28 @@ def _record_on_arm(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> S
     if watcher.progress is not None:
         watcher.progress(_doing("connecting"))
     arm, sensors = make_arm(prepared.plan, asked, watcher.clock)
+    refuse_other_sensors(prepared, sensors)
     resumes: dict[str, Any] | None = None
     if prepared.resumed is not None:
-        today = {name: imu.describe() for name, imu in sensors.imus.items()}
-        try:
-            refuse_differences(prepared.resumed, prepared.plan, today)
-        except BenchError:
-            sensors.close()
-            raise
         steps = prepared.steps or []
         resumes = {"session": prepared.resumed.name, "steps": [step.index for step in steps]}
     options = replace(
-        _options(asked, watcher), steps=prepared.steps, checklist=checklist, resumes=resumes
+        _options(prepared, asked, watcher),
+        steps=prepared.steps,
+        checklist=checklist,
+        resumes=resumes,
     )
     return execute_on_arm(prepared.plan, arm, sensors, options)
 
 
-def _options(asked: RunRequest, watcher: Watcher) -> RunOptions:
+def _options(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> RunOptions:
     """What any run takes of a request, and who looks on."""
     return RunOptions(
         asked.logs,
         asked.seed,
         asked.speed,
         watcher.clock,
+        analysis_request=kept_analysis(prepared.analysis.asked),
         keys=watcher.keys,
         progress=watcher.progress,
         notify=watcher.notify,

@@ -19,7 +19,7 @@ from testbench.estimation.filters.tuned import choose_tuned, with_parameters
 from testbench.evaluation.objective import UNIT, Objective, SessionJudge
 from testbench.exceptions import InputError
 from testbench.model.noise import random_stream
-from testbench.pipeline.analyse import sound_filters
+from testbench.pipeline.loaded_analysis import sound_filters
 from testbench.pipeline.parameter_space import FAILED, Effort, Optimum, Point, Space, find_optimum
 from testbench.pipeline.request import TuneRequest
 from testbench.pipeline.watcher import Watcher

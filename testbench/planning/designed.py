@@ -83,7 +83,12 @@ class _NoWay(Exception):
 
 
 def design_protocol(
-    out: Path, robot_name: str, like: str, sensor_name: str | None, link: str | None, wanted: Wanted
+    out: Path,
+    robot_name: str,
+    like: str,
+    sensor_name: str | None,
+    wanted: Wanted,
+    link: str | None = None,
 ) -> DesignedProtocol:
     """Design, compare, check and write a calibration protocol.
 
@@ -92,11 +97,12 @@ def design_protocol(
         robot_name: Name or file of the arm.
         like: Name or file of the protocol to compare with.
         sensor_name: Its sensor that is calibrated; its only one if None.
-        link: That carries the sensor; the protocol's if None.
-        wanted: What to design.
+        wanted: How many poses and turns, and how.
+        link: That carries the sensor on this arm, in the mounting that `like` states; the link that
+            `like` names if None.
 
     Raises:
-        InputError: There is no such sensor, or no such design.
+        InputError: The file exists, or there is no such sensor, or no such design.
     """
     _check_file(out)
     protocol = load_protocol(like)
@@ -113,12 +119,7 @@ def design_protocol(
     without: set[tuple[float, ...]] = set()
     while True:
         design = designer.design(wanted, without)
-        lost = [parameter for parameter, sd in design.accelerometer.items() if not np.isfinite(sd)]
-        if lost:
-            raise InputError(
-                f"poses of these joints leave {', '.join(lost)} undetermined; let other joints "
-                "move with --joints"
-            )
+        _refuse_undetermined(design)
         gain = _gain(before, q, dwell, designer, design, wanted)
         sentence = _sentence(
             gain,
@@ -145,6 +146,20 @@ def design_protocol(
         write_text(out, draft.text(via_home), anew=True)
     rows = _rows(before.judged(q, [], dwell), design)
     return DesignedProtocol(checked, like, before.robot.name, rows, gain, sentence)
+
+
+def _refuse_undetermined(design: Design) -> None:
+    """Refuse poses that leave a parameter of the accelerometer unknown.
+
+    Raises:
+        InputError: Names those that they do.
+    """
+    lost = [parameter for parameter, sd in design.accelerometer.items() if not np.isfinite(sd)]
+    if lost:
+        raise InputError(
+            f"poses of these joints leave {', '.join(lost)} undetermined; let other joints "
+            "move with --joints"
+        )
 
 
 def _check_file(out: Path) -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from testbench.estimation.signals.doubtful import Belief
 from testbench.estimation.signals.quality import assess
 from testbench.estimation.signals.timing import audit_timing
 from testbench.model.truth import without_jumps
@@ -23,7 +24,7 @@ def recording(seed=0, noise=0.01):
 
 
 def gates(samples):
-    return assess(samples, samples.device_time_ns, np.ones(len(samples), dtype=bool))
+    return assess(samples, np.ones(len(samples), dtype=bool))[0]
 
 
 def test_a_sound_recording_passes_every_gate():
@@ -56,8 +57,11 @@ def test_a_fault_is_flagged_where_it_is(reason, spoil):
     assert quality.flagged.sum() == 10
 
 
-def test_a_sensor_without_noise_is_not_called_stuck_for_being_at_rest():
-    assert not gates(recording(noise=0.0)).flagged.any()
+def test_a_model_without_noise_is_not_called_stuck_for_being_at_rest_and_a_sensor_is():
+    still = recording(noise=0.0)
+    model, _ = assess(still, np.ones(N, dtype=bool), Belief(has_noise=False))
+    assert not model.flagged.any()
+    assert gates(still).counts()["stuck"] == N
 
 
 def test_a_model_without_noise_may_rest_in_a_recording_that_moves_for_the_most_part():
@@ -65,8 +69,8 @@ def test_a_model_without_noise_may_rest_in_a_recording_that_moves_for_the_most_p
     for column in (samples.gyr, samples.acc):
         column[:800] = column[0]
     at_rest = np.arange(N) < 800
-    assert assess(samples, samples.device_time_ns, at_rest).counts()["stuck"] == 799
-    assert not assess(samples, samples.device_time_ns, at_rest, has_noise=False).flagged.any()
+    assert assess(samples, at_rest)[0].counts()["stuck"] == 799
+    assert not assess(samples, at_rest, Belief(has_noise=False))[0].flagged.any()
 
 
 def test_the_second_after_a_long_gap_is_flagged():

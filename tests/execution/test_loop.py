@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 from typing import Any
 
@@ -22,9 +23,11 @@ from testbench.execution.device_recorder import record_devices
 from testbench.execution.devices import Devices
 from testbench.execution.executor import execute_on_arm
 from testbench.execution.loop import RunLoop
+from testbench.execution.recovery import recover
 from testbench.execution.run_progress import Progress
 from testbench.execution.sensors import Sensors
 from testbench.frames import NANOSECONDS
+from testbench.records.session.plan import Plan
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.session import RunStatus, Session, list_sessions
 from tests.execution.test_record import Scripted
@@ -113,6 +116,46 @@ def test_a_run_that_is_stopped_while_it_is_paused_is_closed_as_interrupted(tiny,
     assert names.index("paused") < names.index("run_interrupted")
     arm = session.arm()
     assert np.abs(arm.v_measured[-5:]).max() < np.radians(0.5)  # it came to rest
+
+
+@pytest.mark.parametrize("when", ["on the way to the start", "at the first samples"])
+def test_of_a_kill_all_that_was_seen_until_then_remains(tiny, tmp_path, clock, monkeypatch, when):
+    """What lies on the disk at that moment is what a kill leaves: it is copied, and recovered."""
+    left = tmp_path / "left"
+
+    def strike() -> None:
+        (session,) = (path for path in tmp_path.iterdir() if path != left)
+        shutil.copytree(session, left)
+
+    if when == "at the first samples":
+        monkeypatch.setattr(session_time, "STRETCH_NS", 200_000_000)
+        honest = RunLoop._advance
+
+        def advance(loop: RunLoop, until_ns: int, operator: Any = None) -> None:
+            honest(loop, until_ns, operator)
+            if not left.exists():
+                strike()
+
+        monkeypatch.setattr(RunLoop, "_advance", advance)
+    else:
+        prepare = SimulatedArm.prepare
+
+        def prepare_and_strike(arm: SimulatedArm, the_plan: Plan) -> None:
+            strike()
+            prepare(arm, the_plan)
+
+        monkeypatch.setattr(SimulatedArm, "prepare", prepare_and_strike)
+    monkeypatch.setattr(SimulatedArm, "attended", True)
+    execute(plan(tiny), tmp_path, 1, RunOptions(clock=clock))
+    session = recover(Session(left))
+    states = [own.details["state"] for own in session.events if own.event == "state"]
+    assert states[0] == "approaching" and session.status is RunStatus.ABORTED
+    if when == "at the first samples":
+        assert states[-1] == "running" and session.arm().host_time_ns[-1] > 150_000_000
+        assert len(session.imu("hand").host_time_ns) > 5
+    else:
+        assert len(session.arm().host_time_ns) == 0
+        assert str(session.manifest.message).startswith("cut off before the arm stood at its start")
 
 
 class Silent(Scripted):

@@ -292,7 +292,7 @@ def test_no_sample_at_all_is_an_error_and_some_silence_a_note(clock: Any, tmp_pa
         0.5,
         options=RunOptions(clock=clock),
     )
-    assert session.manifest.notes == ["left: no samples; it sent nothing."]
+    assert session.manifest.notes == ["left: no samples; it sent nothing"]
 
 
 def test_ctrl_c_in_the_middle_of_a_timed_recording_raises_after_the_session_is_closed(

@@ -150,7 +150,7 @@ def test_an_imu_tk_pair_in_si_units_is_told_by_gravity_and_turns(tmp_path, motio
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"shift": 0.5}, "a_gyro.txt:1: time 0.5 s, where"),
+        ({"shift": 0.5}, "a_gyro.txt:1: time 0.5, where"),
         ({"cut": 7}, "a_acc.txt:594: has more samples"),
     ],
 )
@@ -211,6 +211,52 @@ def test_technaid_at_rest_asks_for_the_gyroscopes_unit(table, xyz, motion, load)
     ):
         load("technaid", table("t.csv", columns))
     assert len(load("technaid", table("t.csv", columns), units={"gyr": "deg/s"}).imu("t")) == 600
+
+
+def technaid_pair(table, xyz, m, shift: float = 0.0, times: bool = True) -> list[Path]:
+    """Physical data at 60 Hz and quaternions at half of it, each in its own file."""
+    stamps = {" Time (s) ": m.t} if times else {}
+    physical, quaternions = dict(stamps), {k: v[::2] + shift for k, v in stamps.items()}
+    for name in ("Shank", "Thigh"):
+        physical |= xyz(f" {name} Acc{{}} ", m.acc) | xyz(f" {name} Gyr{{}} ", m.gyr)
+        quaternions |= xyz(f" {name} q{{}}", m.q[:: 2 if times else 1], "0123")
+    return [table("walk_phys.csv", physical), table("walk_quat.csv", quaternions)]
+
+
+@pytest.mark.parametrize("turned_round", [False, True])
+def test_two_technaid_files_of_one_recording_are_merged(table, xyz, motion, load, turned_round):
+    m = motion(600, 60.0)
+    files = technaid_pair(table, xyz, m)
+    session = load("technaid", *(files[::-1] if turned_round else files))
+    assert session.sensor_names == ["Shank", "Thigh"]
+    samples = session.imu("Thigh")
+    same(samples, m)
+    dot = np.abs(np.sum(samples.device_q * m.q, axis=1))
+    assert np.degrees(2 * np.arccos(np.clip(dot, 0, 1))).max() < 0.1
+
+
+def test_technaid_pairs_without_times_are_merged_row_by_row(table, xyz, motion, load):
+    m = motion(600, 60.0)
+    session = load("technaid", *technaid_pair(table, xyz, m, times=False), rate=60.0)
+    assert np.abs(np.sum(session.imu("Shank").device_q * m.q, axis=1)).min() > 1 - 1e-9
+    assert any("taken to be simultaneous" in note for note in session.manifest.notes)
+
+
+def test_technaid_files_of_a_single_sensor_are_one_sensor(table, xyz, motion, load):
+    m = motion(600, 60.0)
+    columns = {"Time (s)": m.t} | xyz("Acc{}", m.acc) | xyz("Gyr{}", m.gyr)
+    files = [
+        table("walk_phys.csv", columns),
+        table("walk_quat.csv", {"Time (s)": m.t} | xyz("q{}", m.q, "0123")),
+    ]
+    session = load("technaid", *files)
+    assert session.sensor_names == ["walk"]
+    assert session.imu("walk").device_q is not None
+
+
+def test_technaid_files_without_a_common_time_are_refused(table, xyz, motion, load):
+    with pytest.raises(FileProblems, match=r"walk_quat\.csv: from 100 to .*no time in common"):
+        load("technaid", *technaid_pair(table, xyz, motion(600, 60.0), shift=100.0))
 
 
 # --- Shimmer
@@ -445,7 +491,9 @@ def test_mtw_without_a_rate_asks_for_it(table, xyz, motion, load):
         load("mtw", path)
 
 
-def test_mtw_ticks_that_deny_the_header_are_refused(table, xyz, motion, load):
+def test_mtw_ticks_that_deny_the_header_are_believed_and_both_rates_are_said(
+    table, xyz, motion, load
+):
     m = motion(100)
     path = mtw(
         table,
@@ -455,8 +503,11 @@ def test_mtw_ticks_that_deny_the_header_are_refused(table, xyz, motion, load):
         {"Acc_{}": (m.acc, "XYZ")},
         first={"SampleTimeFine": 100 * np.arange(100)},
     )
-    with pytest.raises(FileProblems, match="gives 100 Hz where 50 Hz is stated"):
-        load("mtw", path)
+    session = load("mtw", path)
+    (sensor,) = session.manifest.sensors.values()
+    assert sensor.rate_hz == 100
+    (found,) = (f for f in session.manifest.findings if f.code == "time.rate_differs")
+    assert found.values["stated_hz"] == 50 and found.values["measured_hz"] == pytest.approx(100)
 
 
 # --- MATLAB

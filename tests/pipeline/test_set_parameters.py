@@ -15,7 +15,7 @@ from testbench.cli.app import app
 from testbench.estimation import estimate
 from testbench.estimation.filters import get_filter
 from testbench.exceptions import BenchError, InputError, NotFoundError
-from testbench.pipeline.analyse import load_or_estimate
+from testbench.pipeline.kept_estimate import load_or_estimate
 from testbench.pipeline.request import TuneRequest
 from testbench.pipeline.tune import tune
 from testbench.records.results.estimate import Estimate

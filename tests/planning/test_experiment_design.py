@@ -12,9 +12,8 @@ from testbench.model.calibration_information import (
     predicted_sd,
     turn_information,
 )
-from testbench.pipeline.calibrate import design_calibration
 from testbench.planning import designed
-from testbench.planning.designed import _gain
+from testbench.planning.designed import _gain, design_protocol
 from testbench.planning.experiment_design import ACCELEROMETER_SIZE, Designer, Wanted
 from testbench.planning.optimal_design import choose, efficiency, merit
 from testbench.records.specs.protocol_file import load_protocol
@@ -92,7 +91,7 @@ def test_the_six_faces_are_found_where_only_they_and_their_like_are_offered():
 
 
 def test_gains_over_the_six_poses_of_the_reference(tmp_path):
-    found = design_calibration(tmp_path / "better.yaml", "ur3e", "calibration_3d", None, Wanted())
+    found = design_protocol(tmp_path / "better.yaml", "ur3e", "calibration_3d", None, Wanted())
     assert found.efficiency == pytest.approx(1.65, abs=0.02)
     assert "1.65 times against calibration_3d with as many visits" in found.sentence
     assert "known to 0.03 deg in each" in found.sentence
@@ -116,14 +115,14 @@ def test_coming_back_to_the_same_poses_is_no_gain():
 
 def test_the_shipped_design_is_what_the_command_makes(tmp_path):
     file = tmp_path / "calibration_optimal.yaml"
-    design_calibration(file, "ur3e", "calibration_3d", None, Wanted())
+    design_protocol(file, "ur3e", "calibration_3d", None, Wanted())
     assert (
         file.read_text() == (shipped_folder("protocols") / "calibration_optimal.yaml").read_text()
     )
 
 
 def test_another_arm_and_few_joints_will_do(tmp_path):
-    found = design_calibration(
+    found = design_protocol(
         tmp_path / "ur5e.yaml",
         "ur5e",
         "calibration_3d",
@@ -147,8 +146,8 @@ def test_an_arm_with_other_links_is_designed_for_and_compared_with_the_protocol_
     with pytest.raises(
         InputError, match=r"known: base_link, y_arm, x_arm, z_arm; .*--link, such as z_arm"
     ):
-        design_calibration(out, "gimvebo", "calibration_3d", None, Wanted())
-    found = design_calibration(out, "gimvebo", "calibration_3d", None, Wanted(8, 0), "z_arm")
+        design_protocol(out, "gimvebo", "calibration_3d", None, Wanted())
+    found = design_protocol(out, "gimvebo", "calibration_3d", None, Wanted(8, 0), "z_arm")
     assert (found.compared, found.compared_on) == ("calibration_3d", "ur3e")
     assert "against calibration_3d on ur3e" in found.sentence
     written = load_protocol(out)
@@ -183,7 +182,7 @@ def test_a_pose_that_no_clear_way_leads_to_is_replaced(tmp_path, monkeypatch):
 
     check, sensor = designed._checked, load_protocol("gimvebo_gyro").spec.sensors["imu"]
     monkeypatch.setattr(designed, "_checked", checked)
-    found = design_calibration(
+    found = design_protocol(
         tmp_path / "gimbal.yaml", "gimvebo", "calibration_3d", None, Wanted(8, 0), "z_arm"
     )
     poses = Designer(found.plan.robot, sensor).poses_of(found.plan)[0]
@@ -194,16 +193,16 @@ def test_a_pose_that_no_clear_way_leads_to_is_replaced(tmp_path, monkeypatch):
 def test_refusals(tmp_path):
     out = tmp_path / "x.yaml"
     with pytest.raises(NotFoundError, match="known: shoulder_pan_joint"):
-        design_calibration(out, "ur3e", "calibration_3d", None, Wanted(joints=("knee",)))
+        design_protocol(out, "ur3e", "calibration_3d", None, Wanted(joints=("knee",)))
     with pytest.raises(InputError, match="say which with --sensor"):
-        design_calibration(out, "ur3e", "elbow_flexion", None, Wanted())
+        design_protocol(out, "ur3e", "elbow_flexion", None, Wanted())
     with pytest.raises(InputError, match="no static pose"):
-        design_calibration(out, "ur3e", "static_noise", "dot", Wanted())
+        design_protocol(out, "ur3e", "static_noise", "dot", Wanted())
     with pytest.raises(InputError, match="called after its file"):
-        design_calibration(tmp_path / "no name.yaml", "ur3e", "calibration_3d", None, Wanted())
+        design_protocol(tmp_path / "no name.yaml", "ur3e", "calibration_3d", None, Wanted())
     with pytest.raises(InputError, match=r"is a \.yaml file"):
-        design_calibration(tmp_path / "x.txt", "ur3e", "calibration_3d", None, Wanted())
+        design_protocol(tmp_path / "x.txt", "ur3e", "calibration_3d", None, Wanted())
     assert not list(tmp_path.iterdir())
     out.write_text("mine")
     with pytest.raises(InputError, match="exists already"):
-        design_calibration(out, "ur3e", "calibration_3d", None, Wanted())
+        design_protocol(out, "ur3e", "calibration_3d", None, Wanted())

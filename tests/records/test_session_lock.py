@@ -151,6 +151,47 @@ def test_the_later_process_is_refused_once_it_has_waited(session, holder, monkey
     assert {path: path.stat().st_mtime_ns for path in session.path.rglob("*")} == before
 
 
+def test_whoever_waits_is_told_once_for_which_process(tmp_path, holder, monkeypatch, caplog):
+    monkeypatch.setattr(lock_module, "TELL_S", 0.0)
+    with (
+        pytest.raises(SessionError, match=rf"by another process, {holder.pid} \(python"),
+        session_lock(tmp_path / "session", 0.2),
+    ):
+        pass
+    (told,) = caplog.messages
+    assert told.startswith(
+        f"waiting for {tmp_path / 'session'}, which another process, {holder.pid} (python"
+    )
+    assert len(told) < 300 and "\n" not in told
+
+
+def test_whoever_waits_for_a_thread_is_told_so(session, monkeypatch, caplog):
+    monkeypatch.setattr(lock_module, "TELL_S", 0.0)
+    refused: list[str] = []
+
+    def other() -> None:
+        try:
+            with session_lock(session.path, 0.1):
+                pass
+        except SessionError as error:
+            refused.append(str(error))
+
+    with session_lock(session.path):
+        thread = threading.Thread(target=other)
+        thread.start()
+        thread.join()
+    assert "is being worked on by another thread of this process" in refused[0]
+    assert len(caplog.messages) == 1
+
+
+def test_a_wait_is_told_on_stderr_where_nobody_has_set_up_another_way(tmp_path, holder):
+    ask = HOLD.replace("[1])", "[1]), 0.2").replace("with ", "lock.TELL_S = 0\nwith ")
+    ask = "import testbench.records.session.session_lock as lock\n" + ask
+    command = [sys.executable, "-c", ask, str(tmp_path / "session")]
+    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60).stderr
+    assert told.startswith(f"waiting for {tmp_path / 'session'}, which another process, ")
+
+
 def test_the_later_process_waits_for_the_earlier_one(tmp_path, holder):
     threading.Timer(0.3, holder.kill).start()
     with session_lock(tmp_path / "session", 60):

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from testbench.exceptions import SessionError
 from testbench.records.disk.tables import (
     ROWS_PER_GROUP,
     from_arrow,
+    last_value,
     read_stacked,
     to_arrow,
     write_parquet,
@@ -48,6 +50,25 @@ def test_a_missing_column_is_named(table):
 def test_a_table_without_rows_gives_empty_columns(tmp_path):
     write_parquet(tmp_path / "e.parquet", {"x": np.zeros(0), "y": np.zeros(0)})
     assert read_stacked(tmp_path / "e.parquet", {"xy": ["x", "y"]})["xy"].shape == (0, 2)
+
+
+def test_the_last_value_is_read_from_the_last_rows_alone(table, tmp_path, monkeypatch):
+    read: list[int] = []
+    honest = pq.ParquetFile.read_row_group
+
+    def noted(file: pq.ParquetFile, group: int, *columns: object) -> pa.Table:
+        read.append(group)
+        return honest(file, group, *columns)
+
+    monkeypatch.setattr(pq.ParquetFile, "read_row_group", noted)
+    assert last_value(table, "time") == N - 1 and read == [2]
+    write_parquet(tmp_path / "e.parquet", {"time": np.zeros(0, dtype=np.int64)})
+    assert last_value(tmp_path / "e.parquet", "time") is None
+    for file, name in ((table, "z"), (tmp_path / "e.parquet", "z")):
+        with pytest.raises(SessionError, match="lacks the column z"):
+            last_value(file, name)
+    with pytest.raises(SessionError, match="cannot be read"):
+        last_value(tmp_path / "none.parquet", "time")
 
 
 @pytest.mark.parametrize("kind", ["f8", "f4", "i8", "i4", "u4", "?"])

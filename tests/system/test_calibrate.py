@@ -285,7 +285,8 @@ def test_a_calibration_says_what_it_did_and_refuses_what_cannot_be(sessions, tmp
         CalibrationRequest(out=tmp_path / "a.yaml", methods=("attitude_aided",), report=False),
     )
     result = analyse(session, analysis("vqf_6d", report=True, calibrations=made.file))
-    (remark,) = [r for r in result.estimate.sensors["forearm"].remarks if "stored calibration" in r]
+    told = map(str, result.estimate.sensors["forearm"].findings)
+    (remark,) = [sentence for sentence in told if "stored calibration" in sentence]
     assert str(made.file) in remark
     assert "matched by the sensor's name alone" in remark
     assert any("stored calibration" in note for note in result.evaluation.notes)

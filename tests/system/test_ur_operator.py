@@ -16,8 +16,8 @@ from testbench.cli.app import app
 from testbench.exceptions import ArmRefused, BenchError
 from testbench.execution.checklist import HAZARDS
 from testbench.execution.guards import GuardTripped
-from testbench.pipeline.analyse import load_analysis
 from testbench.pipeline.approval import approve
+from testbench.pipeline.loaded_analysis import load_analysis
 from testbench.pipeline.prepared import Prepared, make_plan
 from testbench.pipeline.request import ArmRequest, RunRequest
 from testbench.pipeline.watcher import Consent, Watcher

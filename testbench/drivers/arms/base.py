@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from typing import Any
 
 from testbench.drivers.arms.entry import ArmEntry
@@ -51,11 +50,6 @@ class SteppingArm(ABC):
     def notice(self) -> str:
         """What a person must know before it moves; nothing if empty."""
         return self.entry.notice
-
-    @property
-    def remedies(self) -> Mapping[str, str]:
-        """What a person does after it has stopped, by the word for the cause."""
-        return self.entry.remedies
 
     @abstractmethod
     def connect(self) -> None:

@@ -30,8 +30,11 @@ from testbench.estimation.calibration.static_intervals import (
 )
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
 from testbench.estimation.filters import UniformSamples
+from testbench.estimation.signals.doubtful import doubts_on, without
+from testbench.estimation.signals.recording import belief_in
+from testbench.estimation.signals.segmentation import intervals_of
 from testbench.estimation.signals.time_alignment import fit_clock
-from testbench.estimation.signals.uniform import fill_gaps
+from testbench.estimation.signals.uniform import MOST_FILLING, fill_gaps
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
@@ -286,12 +289,18 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
         InputError: No rest was found, or the arm is asked for and was not there.
     """
     # Longer than a screen: one step after another, each with what the ones before it found.
-    samples, truth = session.imu(sensor), session.truth(sensor)
+    raw, truth = session.imu(sensor), session.truth(sensor)
+    doubts = doubts_on(raw, belief_in(session, sensor))
+    samples = without(raw, doubts.unknown)
     delay = session.manifest.sensors[sensor].rate_delay_s or 0.0
     clock = (
         fit_clock(samples, truth, delay) if session.analysis.estimate.align_clock else ClockFit()
     )
-    uniform, rows = fill_gaps(samples, clock)
+    given = without(raw, doubts.unknown, for_filters=True)
+    everything = dict.fromkeys(("acc", "mag"), len(raw) * MOST_FILLING)
+    uniform, rows = fill_gaps(given, clock, everything)  # rests are cut where it was filled
+    sound = np.ones(len(uniform), dtype=bool)
+    sound[rows[doubts.flagged]] = False
     host = clock.to_host(samples.device_time_ns)
     time = np.round(np.interp(np.arange(len(uniform.gyr)), rows, host.astype(float))).astype(
         np.int64
@@ -319,7 +328,7 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
             f"{session.path}: no arm said where sensor '{sensor}' rested; other witnesses: "
             f"{', '.join(found)}"
         )
-    rests = found[chosen]
+    rests = _sound_parts(found[chosen], sound)
     if chosen == "arm":
         rests, left_out = _confirmed(rests, found["gyroscope"])
         if left_out:
@@ -337,7 +346,7 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
         rests = rests[np.isfinite(middle[:, 0])]
         if not len(rests):
             truth = None
-            rests = found[chosen]
+            rests = _sound_parts(found[chosen], sound)
             remarks.append("the truth is not known in any rest and is not used")
     gravity = session.robot.gravity if session.robot else np.array([0.0, 0.0, -STANDARD_GRAVITY])
     agreements = compare(found, len(uniform.gyr), uniform.interval)
@@ -356,6 +365,25 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
         temperatures,
         integrated,
     )
+
+
+def _sound_parts(rests: np.ndarray, sound: np.ndarray) -> np.ndarray:
+    """The longest part of each rest without a refused sample, where that is most of it.
+
+    Args:
+        rests: Begin and end (exclusive) of each, shape (k, 2).
+        sound: Rows that no gate refuses, shape (n,), bool.
+    """
+    if sound.all():
+        return rests
+    kept = []
+    for begin, end in rests:
+        parts = begin + intervals_of(sound[begin:end])
+        if len(parts):
+            longest = parts[np.argmax(parts[:, 1] - parts[:, 0])]
+            if longest[1] - longest[0] >= (end - begin) / 2:
+                kept.append(longest)
+    return np.array(kept, dtype=rests.dtype).reshape(-1, 2)
 
 
 def _temperatures(

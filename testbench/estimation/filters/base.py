@@ -63,7 +63,8 @@ class Parameter:
                 if np.isfinite(self.most)
                 else f"at least {self.least:g}"
             )
-            return f"{self.name} is {value:g} {self.unit}; it must be {allowed}"
+            unit = "" if self.unit == "1" else f" {self.unit}"
+            return f"{self.name} is {value:g}{unit}; it must be {allowed}"
         return None
 
 

@@ -101,8 +101,11 @@ NAMES = {
 REST = "A slow sweep looks like rest to it, and its rate like a bias: rest_bias 0 cures that."
 
 
-def _arrays(samples: UniformSamples) -> tuple[np.ndarray, np.ndarray]:
-    return np.ascontiguousarray(samples.gyr), np.ascontiguousarray(samples.acc)
+def _arrays(samples: UniformSamples, mag: bool) -> tuple[np.ndarray, ...]:
+    """Rates, forces and, if asked for, fields, as the package takes them: it passes over zeros."""
+    vectors = [samples.acc, *([samples.mag] if mag and samples.mag is not None else [])]
+    known = [np.nan_to_num(vector) for vector in vectors]
+    return tuple(map(np.ascontiguousarray, (samples.gyr, *known)))
 
 
 def _params(parameters: dict[str, float]) -> dict[str, float | bool]:
@@ -146,12 +149,8 @@ class Vqf6D(RecursiveFilter):
                     f"{samples.interval} s"
                 )
             vqf.state = state["vqf"]
-        mag = (
-            ()
-            if samples.mag is None or "mag" not in self.needs
-            else (np.ascontiguousarray(samples.mag),)
-        )
-        q = np.asarray(vqf.updateBatch(*_arrays(samples), *mag)[self.output])
+        arrays = _arrays(samples, "mag" in self.needs)
+        q = np.asarray(vqf.updateBatch(*arrays)[self.output])
         after = vqf.state
         return q, {
             "filter": self.name,
@@ -184,6 +183,7 @@ class VqfOffline(OrientationFilter):
         """See OrientationFilter."""
         if samples.intervals is not None:
             return on_regular_grid(self, samples)
-        mag = None if samples.mag is None else np.ascontiguousarray(samples.mag)
-        result = offlineVQF(*_arrays(samples), mag, samples.interval, _params(self.parameters))
+        gyr, acc, *field = _arrays(samples, samples.has("mag"))
+        mag = field[0] if field else None
+        result = offlineVQF(gyr, acc, mag, samples.interval, _params(self.parameters))
         return np.asarray(result["quat6D" if mag is None else "quat9D"])

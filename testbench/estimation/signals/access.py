@@ -16,15 +16,8 @@ import numpy as np
 
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
-from testbench.estimation.signals.quality import (
-    STUCK_SAMPLES,
-    AfterGaps,
-    Quality,
-    Traits,
-    assess,
-    findings_on,
-    sample_flags,
-)
+from testbench.estimation.signals.doubtful import BIT, CLIPPED_RATE, Belief, Gates, without
+from testbench.estimation.signals.quality import AFTER_GAP, Inspection, Quality, findings_on
 from testbench.estimation.signals.timing import (
     STRETCH,
     IntervalAudit,
@@ -33,7 +26,8 @@ from testbench.estimation.signals.timing import (
     audit_timing,
     usual_interval,
 )
-from testbench.estimation.signals.uniform import MOST_FILLING, fill_gaps, fill_rows
+from testbench.estimation.signals.traits import Traits, finite_rows
+from testbench.estimation.signals.uniform import MOST_FILLING, bridges_of, fill_gaps, fill_rows
 from testbench.frames import NANOSECONDS
 from testbench.model.windows import moving_mean
 from testbench.records.disk.pieces import overlapping
@@ -65,32 +59,34 @@ def _unchanged(samples: ImuSamples) -> ImuSamples:
 
 
 def open_samples(
-    raw: SensorFile, together: int, has_noise: bool = True, stored: Change | None = None
+    raw: SensorFile, together: int, belief: Belief | None = None, stored: Change | None = None
 ) -> SampleAccess:
     """Access to a sensor's samples, in the way their number asks for.
 
     Args:
         raw: The samples.
         together: Samples of all sensors of the recording.
-        has_noise: Whether the readings must differ at rest.
+        belief: What a person says of them.
         stored: A stored calibration, applied to all that is read.
     """
     change = stored or _unchanged
     every = max(-(-raw.count // MOST_KEPT), -(-together // MOST_KEPT_IN_ALL), 1)
     if every == 1:
-        return WholeRecording(raw, has_noise, change)
-    return PiecewiseRecording(raw, every, has_noise, change)
+        return WholeRecording(raw, belief, change)
+    return PiecewiseRecording(raw, every, belief, change)
 
 
 class SampleAccess(ABC):
     """A sensor's samples.
 
     Attributes:
-        samples: Those that estimates are kept at.
+        samples: Those that estimates are kept at; NaN for what no gate lets pass.
+        measured: Whether each has a rate that was measured, shape (n,), bool.
         every: One of how many that is.
     """
 
     samples: ImuSamples
+    measured: np.ndarray
     every: int
 
     @abstractmethod
@@ -98,11 +94,10 @@ class SampleAccess(ABC):
         """The kept samples on a regular grid, and the row of each in it."""
 
     @abstractmethod
-    def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
+    def quality(self, static: np.ndarray) -> Quality:
         """What the gates find.
 
         Args:
-            clock: Gives the samples' instants on the host's clock.
             static: Whether each kept sample is at rest, shape (n,), bool.
         """
 
@@ -131,22 +126,28 @@ class SampleAccess(ABC):
 class WholeRecording(SampleAccess):
     """All samples at once."""
 
-    def __init__(self, raw: SensorFile, has_noise: bool = True, change: Change = _unchanged):
-        self.samples, self.every = change(raw.read()), 1
-        self._has_noise = has_noise
+    def __init__(self, raw: SensorFile, belief: Belief | None = None, change: Change = _unchanged):
+        samples, belief = raw.read(), belief or Belief()
+        self._gates = Gates(Traits(belief.has_noise).add(samples), belief)
+        doubts, inspection = self._gates.doubt(samples), Inspection(self._gates)
+        self._flags = inspection.flags(samples, doubts, slice(None))
+        self._findings, self._numbers = inspection.findings(), inspection.counts
+        self.measured, self.every = _measured(self._gates, doubts.unknown), 1
+        self.samples = change(without(samples, doubts.unknown))
+        self._given = change(without(samples, doubts.unknown, for_filters=True))
         self._regular: tuple[ClockFit, tuple[UniformSamples, np.ndarray]] | None = None
 
     def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
         """See SampleAccess."""
         if self._regular is None or self._regular[0] != clock:
-            self._regular = clock, fill_gaps(self.samples, clock)
+            bridges = bridges_of(_interval(self._given), self._gates.slower())
+            self._regular = clock, fill_gaps(self._given, clock, bridges)
         return self._regular[1]
 
-    def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
+    def quality(self, static: np.ndarray) -> Quality:
         """See SampleAccess."""
-        return assess(
-            self.samples, clock.to_host(self.samples.device_time_ns), static, self._has_noise
-        )
+        found = [*self._findings, *findings_on(self.samples, static)]
+        return Quality(self._flags, found, self._numbers)
 
     def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
         """See SampleAccess."""
@@ -170,16 +171,19 @@ class PiecewiseRecording(SampleAccess):
     """Samples in pieces; of `every` of them the last is kept."""
 
     def __init__(
-        self, raw: SensorFile, every: int, has_noise: bool = True, change: Change = _unchanged
+        self,
+        raw: SensorFile,
+        every: int,
+        belief: Belief | None = None,
+        change: Change = _unchanged,
     ):
         self._file, self.every, self._change = raw, every, change
-        self._count = self._file.count
-        self.samples = change(self._file.read(every=every))
-        self._traits = Traits(has_noise)
+        self._count, belief = self._file.count, belief or Belief()
+        traits = Traits(belief.has_noise)
         steps, ordered = [], True
         first = last = None
         for piece in self._file.batches(PIECE):
-            self._traits.add(change(piece))
+            traits.add(piece)
             steps.append(np.diff(piece.device_time_ns[:OF_EACH_PIECE]))
             ordered &= bool((np.diff(piece.counter) > 0).all()) and (
                 last is None or piece.counter[0] > last.counter[-1]
@@ -194,6 +198,35 @@ class PiecewiseRecording(SampleAccess):
         self._grid = rows if self._counted else self._count
         self._span = float(last.device_time_ns[-1] - first.device_time_ns[0]) / NANOSECONDS
         self._usual = usual_interval(np.concatenate(steps))
+        self._gates = Gates(traits, belief)
+        self._bridges = bridges_of(self._usual, self._gates.slower())
+        self._margin = max(self._gates.margin, *(1 + rows for rows in self._bridges.values()))
+        self._inspect()
+
+    def _inspect(self) -> None:
+        """Put all samples through the gates, and keep one of so many; a kept sample is flagged if
+        any of those it stands for is.
+        """
+        inspection = Inspection(self._gates)
+        self._unknown = np.zeros(self._count, dtype=np.uint8)
+        self._flags: dict[str, np.ndarray] = {}
+        kept: list[ImuSamples] = []
+        done, number = 0, self._count // self.every
+        for piece, own in self._pieces():
+            doubts = self._gates.doubt(piece)
+            flags = inspection.flags(piece, doubts, own)
+            count = len(flags[AFTER_GAP])
+            self._unknown[done : done + count] = doubts.unknown[own]
+            for reason, flag in flags.items():
+                rows = (done + np.flatnonzero(flag)) // self.every
+                own_flags = self._flags.setdefault(reason, np.zeros(number, dtype=bool))
+                own_flags[rows[rows < number]] = True
+            last = np.arange(self.every - 1 - done % self.every, count, self.every)
+            kept.append(_rows_of(without(piece, doubts.unknown), own.start + last))
+            done += count
+        self._findings, self._numbers = inspection.findings(), inspection.counts
+        self.samples = self._change(_joined(kept))
+        self.measured = _measured(self._gates, self._unknown[self.every - 1 :: self.every])
 
     def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
         """See SampleAccess; the time that lost packets leave open is spread over the rest, which
@@ -201,23 +234,10 @@ class PiecewiseRecording(SampleAccess):
         """
         return fill_gaps(replace(self.samples, counter=np.arange(len(self.samples))), clock)
 
-    def quality(self, clock: ClockFit, static: np.ndarray) -> Quality:
-        """See SampleAccess; a kept sample is flagged if any of those it stands for is."""
-        kept: dict[str, np.ndarray] = {}
-        numbers: dict[str, int] = {}
-        after_gaps, done = AfterGaps(), 0
-        for piece, counted in self._pieces():
-            flags = {
-                reason: flag[counted] for reason, flag in sample_flags(piece, self._traits).items()
-            }
-            flags["after a gap"] = after_gaps(clock.to_host(piece.device_time_ns[counted]))
-            for reason, flag in flags.items():
-                numbers[reason] = numbers.get(reason, 0) + int(flag.sum())
-                own = kept.setdefault(reason, np.zeros(len(self.samples), dtype=bool))
-                rows = (done + np.flatnonzero(flag)) // self.every
-                own[rows[rows < len(own)]] = True
-            done += len(next(iter(flags.values())))
-        return Quality(kept, findings_on(self.samples, static & ~kept["not finite"]), numbers)
+    def quality(self, static: np.ndarray) -> Quality:
+        """See SampleAccess."""
+        found = [*self._findings, *findings_on(self.samples, static)]
+        return Quality(self._flags, found, self._numbers)
 
     def timing(self, nominal_rate: float | None, rate_age: float) -> TimingAudit:
         """See SampleAccess."""
@@ -249,15 +269,20 @@ class PiecewiseRecording(SampleAccess):
             name: kind for name, kind in filters.items() if not isinstance(kind, RecursiveFilter)
         }
         for name, kind in at_once.items():
-            uniform, rows = fill_gaps(self._change(self._file.read()), clock)
+            samples = without(self._file.read(), self._unknown, for_filters=True)
+            uniform, rows = fill_gaps(self._change(samples), clock, self._bridges)
             yield name, kind.run(correct(uniform))[rows[self.every - 1 :: self.every]]
         filters = {name: kind for name, kind in filters.items() if name not in at_once}
         interval = self._span / max(self._grid - 1, 1) / (1 + 1e-6 * clock.drift_ppm)
         states: dict[str, FilterState | None] = dict.fromkeys(filters)
         results = {name: np.empty((len(self.samples), 4)) for name in filters}
         done, origin = 0, None
-        held: tuple[ImuSamples, int] | None = None
-        for piece, counted in self._pieces():
+        held: dict[str, np.ndarray] = {}
+        for raw, counted in self._pieces():
+            first = done - counted.start
+            unknown = self._unknown[first : first + len(raw)]
+            piece = self._change(without(raw, unknown, for_filters=True))
+            piece = _held(piece, held)
             row = piece.counter if self._counted else np.arange(len(piece)) + done - counted.start
             origin = int(row[counted.start]) if origin is None else origin
             begin = int(row[counted.start - 1]) + 1 if counted.start else origin
@@ -269,17 +294,12 @@ class PiecewiseRecording(SampleAccess):
                 - 1
             )
             wanted_rows = row[counted.start + wanted - done]
-            whole = self._traits.finite(piece)
-            if whole.any():
-                held = piece, int(np.flatnonzero(whole)[-1])
-            else:  # minutes without a reading: nothing is known but the last one
-                piece, whole = _repeated(piece, *(held or (piece, 0))), ~whole
+            ends = counted.start == 0, counted.stop is None
             for start in range(begin, end, PIECE):
                 stop = min(start + PIECE, end)
                 before = int(start > origin)
-                corrected = correct(
-                    fill_rows(piece, row, np.arange(start - before, stop), interval, whole)
-                )
+                grid = np.arange(start - before, stop)
+                corrected = correct(fill_rows(piece, row, grid, interval, self._bridges, ends))
                 given = corrected if not before else _without_first(corrected)
                 here = (wanted_rows >= start) & (wanted_rows < stop)
                 for name, kind in filters.items():
@@ -295,25 +315,59 @@ class PiecewiseRecording(SampleAccess):
         """Pieces with a few neighbours at either end, and which of their samples are the piece
         itself.
         """
-        for columns, counted in overlapping(self._file.tables(PIECE), PIECE, STUCK_SAMPLES):
+        for columns, counted in overlapping(self._file.tables(PIECE), PIECE, self._margin):
             if len(columns["counter"][counted]):
-                yield self._change(ImuSamples.from_columns(columns)), counted
+                yield ImuSamples.from_columns(columns), counted
 
 
-def _repeated(piece: ImuSamples, other: ImuSamples, row: int) -> ImuSamples:
-    """The piece with all its readings replaced by one, of another piece; zero where that is not
-    known.
+def _measured(gates: Gates, unknown: np.ndarray) -> np.ndarray:
+    """Rows whose rate was measured, by the gyroscope or else by the device, shape (n,), bool.
+
+    Args:
+        gates: Of the recording.
+        unknown: Marks of what is unknown, shape (n,).
     """
+    if gates.measures("gyr"):
+        return (unknown & (BIT["gyr"] | CLIPPED_RATE)) == 0
+    return (unknown & BIT["device_q"]) == 0
 
-    def filled(array: np.ndarray | None) -> np.ndarray | None:
-        return (
-            None
-            if array is None
-            else np.nan_to_num(np.repeat(array[row : row + 1], len(piece), axis=0))
-        )
 
-    readings = {key: filled(getattr(other, key)) for key in ("gyr", "acc", "mag", "device_q")}
-    return replace(piece, **readings)  # type: ignore[arg-type]
+def _interval(samples: ImuSamples) -> float:
+    """The usual interval between samples [s]; 0 where there is none."""
+    return float(np.nan_to_num(usual_interval(np.diff(samples.device_time_ns))))
+
+
+def _rows_of(samples: ImuSamples, rows: np.ndarray) -> ImuSamples:
+    columns = {key: column for key, column in vars(samples).items() if column is not None}
+    return ImuSamples.from_groups({key: column[rows] for key, column in columns.items()})
+
+
+def _joined(parts: list[ImuSamples]) -> ImuSamples:
+    keys = [key for key, column in vars(parts[0]).items() if column is not None]
+    return ImuSamples.from_groups(
+        {key: np.concatenate([getattr(part, key) for part in parts]) for key in keys}
+    )
+
+
+def _held(piece: ImuSamples, last: dict[str, np.ndarray]) -> ImuSamples:
+    """The piece with its rate and the device's orientation as they last were, where none of it has
+    any: minutes without a reading.
+
+    Args:
+        piece: Of samples.
+        last: Readings of the pieces before, by quantity, shape (1, k) each; is brought up to date.
+    """
+    changed = {}
+    for key in ("gyr", "device_q"):
+        array = getattr(piece, key)
+        if array is None:
+            continue
+        known = np.flatnonzero(finite_rows(array))
+        if len(known):
+            last[key] = array[known[-1:]]
+        elif key in last:
+            changed[key] = np.repeat(last[key], len(piece), axis=0)
+    return replace(piece, **changed)
 
 
 def _without_first(samples: UniformSamples) -> UniformSamples:

@@ -2,24 +2,52 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.estimation.signals.doubtful import (
+    BEYOND,
+    BIT,
+    CLIPPED,
+    CLIPPED_RATE,
+    EXCLUDED,
+    NOT_FINITE,
+    SATURATED,
+    SPIKE,
+    STUCK,
+    ZEROS,
+    Belief,
+    Doubts,
+    Gates,
+    without,
+)
+from testbench.estimation.signals.traits import Traits
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples
 
-STUCK_SAMPLES = 5
-"""This many identical samples in a row, of a sensor that is usually noisy, are stuck."""
+AFTER_GAP = "after a gap"
+CODES = {
+    ZEROS: "samples.zeros",
+    STUCK: "samples.stuck",
+    CLIPPED: "samples.clipped",
+    SPIKE: "samples.spike",
+    BEYOND: "samples.beyond",
+}
+"""Findings of the reasons that a person may know better than."""
+WORDS = {
+    "gyr": "gyroscope",
+    "acc": "accelerometer",
+    "mag": "magnetometer",
+    "device_q": "quaternion",
+}
 LONG_GAP_S = 0.25
 """After a gap this long a filter has lost its way for `RECOVERY_S`."""
 RECOVERY_S = 1.0
 LOST_GAP_S = 1.0
 """After a gap this long a heading without a magnetometer is lost for good."""
-NORM_TOLERANCE = 0.01
-"""Quaternions further from unit length than this are refused [1]."""
 REST_TOLERANCE = 0.05
 """Part of g by which the mean norm of the force at rest may differ before it is remarked on."""
 FIELD_TOLERANCE = 0.2
@@ -33,13 +61,12 @@ class Quality:
     Attributes:
         flags: Samples by reason, each of shape (n,), bool; flagged samples are not evaluated.
         findings: What is odd but excludes nothing.
-        numbers: Samples refused by each gate, where the flags stand for several samples each; None
-            to count the flags.
+        numbers: Samples refused by each gate; the flags may stand for several samples each.
     """
 
     flags: dict[str, np.ndarray]
     findings: list[Finding]
-    numbers: dict[str, int] | None = None
+    numbers: dict[str, int]
 
     @property
     def flagged(self) -> np.ndarray:
@@ -48,143 +75,129 @@ class Quality:
 
     def counts(self) -> dict[str, int]:
         """Number of samples refused by each gate."""
-        return self.numbers or {reason: int(flags.sum()) for reason, flags in self.flags.items()}
-
-
-@dataclass
-class Traits:
-    """What must be known of a whole recording before a sample can be refused.
-
-    It may be told chunk by chunk.
-
-    Attributes:
-        has_noise: False for a model without noise, which no repetition can be held against.
-        present: Quantities of which any value is finite; a column that the file lacks is NaN
-            throughout.
-    """
-
-    has_noise: bool = True
-    present: set[str] = field(default_factory=set)
-    _same: dict[str, int] = field(default_factory=lambda: {"gyr": 0, "acc": 0})
-    _count: int = 0
-    _last: ImuSamples | None = None
-
-    def add(self, samples: ImuSamples) -> Traits:
-        """Take note of the next samples."""
-        for key in ("gyr", "acc", "mag", "device_q"):
-            array = getattr(samples, key)
-            if key not in self.present and array is not None and np.isfinite(array).any():
-                self.present.add(key)
-        for key in self._same:
-            array = getattr(samples, key)
-            before = array[:1] * np.nan if self._last is None else getattr(self._last, key)[-1:]
-            self._same[key] += int(
-                (array[:1] == before).all(axis=1).sum()
-                + (array[1:] == array[:-1]).all(axis=1).sum()
-            )
-        self._count += len(samples)
-        self._last = samples if len(samples) else self._last
-        return self
-
-    def finite(self, samples: ImuSamples) -> np.ndarray:
-        """Samples of which every quantity that is present at all is finite, shape (n,), bool."""
-        finite = np.ones(len(samples), dtype=bool)
-        for key in self.present:
-            for column in getattr(samples, key).T:  # twice as fast as all(axis=1) of three
-                finite &= np.isfinite(column)
-        return finite
-
-    @property
-    def noisy(self) -> bool:
-        """Whether readings differ from sample to sample as a rule, as those of a real sensor do."""
-        return self.has_noise and any(
-            2 * same < self._count for key, same in self._same.items() if key in self.present
-        )
+        return self.numbers
 
 
 class AfterGaps:
-    """Flags the samples after a gap until a filter has settled again; goes on from call to call."""
+    """Flags the samples after a gap until a filter has settled again; goes on from call to call.
 
-    def __init__(self) -> None:
+    Args:
+        loses_heading: Whether a heading without a magnetometer is lost over a long one.
+    """
+
+    def __init__(self, loses_heading: bool = True) -> None:
+        self._loses_heading = loses_heading
         self._last: int | None = None
         self._until = np.iinfo(np.int64).min
 
-    def __call__(self, time_ns: np.ndarray) -> np.ndarray:
+    def __call__(self, time_ns: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
         """Flags of the next samples, shape (n,), bool.
 
         Args:
-            time_ns: Their host times, shape (n,) [ns].
+            time_ns: Their times, shape (n,) [ns].
+            known: Samples that were measured, shape (n,), bool; the others are part of a gap. All
+                if None.
         """
-        gaps = np.diff(time_ns, prepend=time_ns[:1] if self._last is None else self._last)
+        rows = np.arange(len(time_ns)) if known is None else np.flatnonzero(known)
+        time = time_ns[rows]
+        gaps = np.diff(time, prepend=time[:1] if self._last is None else self._last)
         until = np.full(len(time_ns), self._until)
         for i in np.flatnonzero(gaps > LONG_GAP_S * NANOSECONDS):
-            lost = gaps[i] > LOST_GAP_S * NANOSECONDS
-            until[i] = (
-                np.iinfo(np.int64).max if lost else time_ns[i] + round(RECOVERY_S * NANOSECONDS)
+            lost = self._loses_heading and gaps[i] > LOST_GAP_S * NANOSECONDS
+            until[rows[i]] = (
+                np.iinfo(np.int64).max if lost else time[i] + round(RECOVERY_S * NANOSECONDS)
             )
         np.maximum.accumulate(until, out=until)
-        if len(time_ns):
-            self._last, self._until = int(time_ns[-1]), int(until[-1])
+        if len(time):
+            self._last = int(time[-1])
+        if len(until):
+            self._until = int(until[-1])
         return np.asarray(time_ns <= until)
 
 
+class Inspection:
+    """Puts samples through the gates, chunk by chunk, and keeps count.
+
+    Args:
+        gates: Of the whole recording.
+    """
+
+    def __init__(self, gates: Gates):
+        self._gates = gates
+        self._after = AfterGaps(), AfterGaps(loses_heading=False)
+        self.counts = dict.fromkeys((SATURATED, NOT_FINITE, STUCK, AFTER_GAP), 0)
+        self._first: dict[str, int] = {}
+        self._quantities: dict[str, set[str]] = {}
+
+    def flags(self, samples: ImuSamples, doubts: Doubts, own: slice) -> dict[str, np.ndarray]:
+        """Samples to be refused, by reason, each of shape (m,), bool.
+
+        Args:
+            samples: A chunk with its neighbours, n of them.
+            doubts: What is doubtful in them.
+            own: Those that are the chunk itself, m of them.
+        """
+        flags = {reason: flag[own] for reason, flag in doubts.flags.items()}
+        unknown, time = doubts.unknown[own], samples.device_time_ns[own]
+        after = np.zeros(len(time), dtype=bool)
+        kinds = (("gyr", BIT["gyr"] | CLIPPED_RATE), ("acc", BIT["acc"]))
+        for (key, marks), tell in zip(kinds, self._after, strict=True):
+            if self._gates.measures(key) or key == "gyr":
+                known = (unknown & marks) == 0 if self._gates.measures(key) else None
+                after |= tell(time, known)
+        flags[AFTER_GAP] = after
+        for reason, flag in flags.items():
+            count = int(flag.sum())
+            self.counts[reason] = self.counts.get(reason, 0) + count
+            if count and reason not in self._first:
+                first = int(np.flatnonzero(flag)[0])
+                self._first[reason] = int(samples.host_time_ns[own][first])
+            self._quantities.setdefault(reason, set()).update(doubts.quantities.get(reason, ()))
+        return flags
+
+    def findings(self) -> list[Finding]:
+        """What was refused and why, and what else the readings show."""
+        found = []
+        for reason, count in self.counts.items():
+            code = CODES.get(reason, "samples.excluded" if reason.startswith(EXCLUDED) else None)
+            if code is None or not count:
+                continue
+            about = [WORDS[key] for key in WORDS if key in self._quantities[reason]]
+            found.append(
+                finding(
+                    code,
+                    count=count,
+                    first_s=self._first[reason] / NANOSECONDS,
+                    quantities=about,
+                    reason=reason.removeprefix(EXCLUDED),
+                )
+            )
+        for key in sorted(self._gates.dead):
+            found.append(finding("samples.dead", quantity=WORDS[key]))
+        for key, rows in self._gates.slower().items():
+            found.append(finding("samples.slower", quantity=WORDS[key], rows=rows))
+        return found
+
+
 def assess(
-    samples: ImuSamples, time_ns: np.ndarray, static: np.ndarray, has_noise: bool = True
-) -> Quality:
-    """Put a recording through the gates.
+    samples: ImuSamples, static: np.ndarray, belief: Belief | None = None
+) -> tuple[Quality, ImuSamples]:
+    """Put a whole recording through the gates.
 
     Args:
         samples: As recorded.
-        time_ns: Their host times, shape (n,) [ns].
         static: Whether each is at rest, shape (n,), bool.
-        has_noise: As in `Traits`.
+        belief: What a person says of them.
+
+    Returns:
+        What was found, and the samples with NaN for what is unknown.
     """
-    flags = {
-        **sample_flags(samples, Traits(has_noise).add(samples)),
-        "after a gap": AfterGaps()(time_ns),
-    }
-    return Quality(flags, findings_on(samples, static & ~flags["not finite"]))
-
-
-def sample_flags(samples: ImuSamples, traits: Traits) -> dict[str, np.ndarray]:
-    """Samples to be refused for what they read, by reason, each of shape (n,), bool.
-
-    `STUCK_SAMPLES` neighbouring rows matter on each side.
-
-    Args:
-        samples: All or a chunk.
-        traits: Of the whole recording.
-    """
-    flags = {
-        "saturated": samples.saturated.astype(bool),
-        "not finite": ~traits.finite(samples),
-        "stuck": _stuck(samples, traits),
-    }
-    if samples.device_q is not None:
-        flags["quaternion not of unit length"] = (
-            np.abs(np.linalg.norm(samples.device_q, axis=1) - 1) > NORM_TOLERANCE
-        )
-    return flags
-
-
-def _stuck(samples: ImuSamples, traits: Traits) -> np.ndarray:
-    """Runs of samples identical in every axis; none of a sensor without noise."""
-    repeated = np.full(len(samples), traits.noisy)
-    for key in traits.present & {"gyr", "acc"}:
-        array = getattr(samples, key)
-        repeated[:1] = False
-        repeated[1:] &= (array[1:] == array[:-1]).all(axis=1)
-    return _runs(repeated, STUCK_SAMPLES - 1)
-
-
-def _runs(mask: np.ndarray, length: int) -> np.ndarray:
-    """The parts of a mask that are at least `length` long, shape (n,), bool."""
-    edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
-    result = np.zeros(len(mask), dtype=bool)
-    for begin, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
-        if end - begin >= length:
-            result[begin:end] = True
-    return result
+    gates = Gates(Traits(belief.has_noise if belief else True).add(samples), belief or Belief())
+    inspection, doubts = Inspection(gates), gates.doubt(samples)
+    flags = inspection.flags(samples, doubts, slice(None))
+    known = without(samples, doubts.unknown)
+    found = [*inspection.findings(), *findings_on(known, static)]
+    return Quality(flags, found, inspection.counts), known
 
 
 def findings_on(samples: ImuSamples, rest: np.ndarray) -> list[Finding]:

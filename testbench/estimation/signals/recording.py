@@ -9,8 +9,9 @@ from datetime import datetime
 import numpy as np
 
 from testbench.estimation.signals.access import Change, SampleAccess, open_samples
+from testbench.estimation.signals.doubtful import Belief
 from testbench.frames import STANDARD_GRAVITY
-from testbench.records.session.manifest import SensorRecord
+from testbench.records.session.manifest import FullScale, SensorRecord
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.sensor_file import SensorFile, TruthFile
 from testbench.records.session.session import Session
@@ -28,7 +29,7 @@ class SensorRecording:
         raw: Its samples.
         truth: What it went through, or None where nobody knows.
         described: What is known of it.
-        has_noise: Whether its readings must differ at rest.
+        belief: What a person says of its samples.
         together: Samples of all sensors of the recording.
     """
 
@@ -36,7 +37,7 @@ class SensorRecording:
     raw: SensorFile
     truth: TruthFile | None
     described: SensorRecord
-    has_noise: bool
+    belief: Belief
     together: int
 
     @staticmethod
@@ -52,13 +53,13 @@ class SensorRecording:
             session.sensor(sensor),
             session.truth_file(sensor),
             session.manifest.sensors[sensor],
-            _has_noise(session, sensor),
+            belief_in(session, sensor),
             sum(session.sample_count(name) for name in session.sensor_names),
         )
 
     def samples(self, stored: Change | None = None) -> SampleAccess:
         """Access to its samples; see `open_samples`."""
-        return open_samples(self.raw, self.together, self.has_noise, stored)
+        return open_samples(self.raw, self.together, self.belief, stored)
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,17 @@ class RunFacts:
             session.robot.gravity if session.robot else STANDARD_DOWN,
             session.recorded_at,
         )
+
+
+def belief_in(session: Session, sensor: str) -> Belief:
+    """What a session says of the samples of a sensor."""
+    settings = session.analysis.estimate
+    return Belief(
+        _has_noise(session, sensor),
+        frozenset(settings.keep),
+        [exclusion for exclusion in settings.exclude if exclusion.concerns(sensor)],
+        session.manifest.sensors[sensor].full_scale or FullScale(),
+    )
 
 
 def _has_noise(session: Session, sensor: str) -> bool:

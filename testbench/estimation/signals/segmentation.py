@@ -36,7 +36,10 @@ def detect_static(gyr: np.ndarray, interval: float, real: np.ndarray | None = No
     mean = moving_mean(gyr, window)
     variance = moving_mean(np.sum((gyr - mean) ** 2, axis=1), window)
     spread = np.sqrt(np.maximum(variance, 0))  # a running sum may round below 0
-    measured = slice(None) if real is None else real
+    measured = np.arange(len(gyr)) if real is None else real
+    measured = measured[np.isfinite(spread[measured])]
+    if not len(measured):
+        return np.zeros(len(gyr), dtype=bool)
     quietest = float(np.quantile(spread[measured], 0.1))
     centre = np.median(mean[measured][spread[measured] <= quietest], axis=0)
     steady = spread <= max(NOISE_FACTOR * quietest, LEAST_SPREAD)

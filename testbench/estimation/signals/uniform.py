@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from testbench.estimation.filters.base import UniformSamples
+from testbench.estimation.signals.traits import finite_rows
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.results.estimate import ClockFit
@@ -21,18 +23,23 @@ second are stamps of packets that came together: the sampling behind them is reg
 say nothing of it. Over a pause longer than the third nobody knows the rate: the next sample's is
 not held for all of it.
 """
+BRIDGED_S = 0.25
+"""Forces and fields that are missing for longer are not filled in [s]."""
 MOST_FILLING = 10
 """Gaps that would make the grid this many times longer than the recording are not filled; the
 counter is then not trusted.
 """
 
 
-def fill_gaps(samples: ImuSamples, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
+def fill_gaps(
+    samples: ImuSamples, clock: ClockFit, bridges: Mapping[str, int] | None = None
+) -> tuple[UniformSamples, np.ndarray]:
     """Samples on a regular grid.
 
     Args:
         samples: With their counter.
         clock: Gives the true interval.
+        bridges: As for `fill_rows`; the usual ones if None.
 
     Returns:
         The regular samples, and the row of each original sample in them, shape (n,).
@@ -44,11 +51,22 @@ def fill_gaps(samples: ImuSamples, clock: ClockFit) -> tuple[UniformSamples, np.
     span = (samples.device_time_ns[-1] - samples.device_time_ns[0]) / NANOSECONDS
     interval = span / max(count - 1, 1) / (1 + 1e-6 * clock.drift_ppm)
     intervals = _irregular(samples.device_time_ns, rows, clock)
-    if count == len(samples) and whole_samples(samples).all():
-        return UniformSamples(
-            interval, samples.gyr, samples.acc, samples.mag, samples.device_q, intervals
-        ), rows
-    return replace(fill_rows(samples, rows, np.arange(count), interval), intervals=intervals), rows
+    bridges = bridges_of(interval) if bridges is None else bridges
+    uniform = fill_rows(samples, rows, np.arange(count), interval, bridges)
+    return replace(uniform, intervals=intervals), rows
+
+
+def bridges_of(interval: float, slower: Mapping[str, float] | None = None) -> Mapping[str, int]:
+    """Rows in a row that are filled in of forces and fields; over longer holes filters go on
+    without.
+
+    Args:
+        interval: Between rows [s].
+        slower: Quantities whose readings come once in several rows, and in how many.
+    """
+    usual = max(round(BRIDGED_S / interval), 1) if interval > 0 else 1
+    own = {} if slower is None else slower
+    return {key: max(usual, int(np.ceil(2 * own.get(key, 0.0)))) for key in ("acc", "mag")}
 
 
 def fill_rows(
@@ -56,45 +74,84 @@ def fill_rows(
     rows: np.ndarray,
     grid: np.ndarray,
     interval: float,
-    whole: np.ndarray | None = None,
+    bridges: Mapping[str, int],
+    ends: tuple[bool, bool] = (True, True),
 ) -> UniformSamples:
-    """Samples at rows of a regular grid, interpolated where they were lost or are not finite.
+    """Samples at rows of a regular grid; each quantity is interpolated where it was lost or is not
+    finite.
+
+    A rate is interpolated over any hole, for a filter needs one. Forces and fields over a long one
+    are NaN: a straight line between them is nothing that was felt.
 
     Args:
         samples: All, or a chunk with its neighbouring rows.
         rows: Of each sample, increasing, shape (n,).
-        grid: The rows that are wanted, shape (m,).
+        grid: The rows that are wanted, consecutive, shape (m,).
         interval: Between rows [s].
-        whole: Samples of which every quantity is finite, shape (n,), if known.
+        bridges: Longest hole of "acc" and "mag" that is filled [rows].
+        ends: Whether the samples begin with the first, and end with the last of the recording.
     """
-    whole = whole_samples(samples) if whole is None else whole
-    sources = rows[whole]
-    if (
-        len(sources) == len(rows)
-        and rows[-1] - rows[0] + 1 == len(rows)
-        and rows[0] <= grid[0]
-        and grid[-1] <= rows[-1]
-    ):
-        part = slice(grid[0] - rows[0], grid[-1] - rows[0] + 1)
-        mag, q = samples.mag, samples.device_q
-        return UniformSamples(
-            interval,
-            samples.gyr[part],
-            samples.acc[part],
-            None if mag is None else mag[part],
-            None if q is None else q[part],
+    dense = rows[-1] - rows[0] + 1 == len(rows) and rows[0] <= grid[0] and grid[-1] <= rows[-1]
+    part = slice(grid[0] - rows[0], grid[-1] - rows[0] + 1)
+
+    def filled(key: str) -> np.ndarray | None:
+        array = getattr(samples, key)
+        if array is None:
+            return None
+        known = finite_rows(array)
+        if dense and known.all():
+            return array if len(grid) == len(rows) else np.asarray(array[part])
+        if not known.any():
+            return np.full((len(grid), array.shape[1]), np.nan)
+        return _filled(array[known], rows[known], grid, bridges.get(key), ends)
+
+    gyr, acc = filled("gyr"), filled("acc")
+    assert gyr is not None
+    assert acc is not None
+    return UniformSamples(interval, gyr, acc, filled("mag"), filled("device_q"))
+
+
+def _filled(
+    array: np.ndarray,
+    sources: np.ndarray,
+    grid: np.ndarray,
+    bridge: int | None,
+    ends: tuple[bool, bool],
+) -> np.ndarray:
+    """Readings at rows of a grid, shape (m, k).
+
+    Args:
+        array: Those that are known, shape (n, k).
+        sources: Their rows, increasing, shape (n,).
+        grid: The rows that are wanted, consecutive, shape (m,).
+        bridge: Longest hole that is filled [rows]; None for any.
+        ends: As for `fill_rows`.
+    """
+    result = np.empty((len(grid), array.shape[1]))
+    inside = slice(*np.searchsorted(sources, [grid[0], grid[-1] + 1]))
+    is_hole = np.ones(len(grid), dtype=bool)
+    is_hole[sources[inside] - grid[0]] = False
+    result[~is_hole] = array[inside]
+    holes = grid[is_hole]
+    if array.shape[1] == 4:
+        result[is_hole] = rotation.interpolate(sources, array, holes)
+        return result
+    for axis in range(array.shape[1]):
+        result[is_hole, axis] = np.interp(holes, sources, array[:, axis])
+    if bridge is not None and len(holes):
+        after = np.searchsorted(sources, holes)
+        # at either end of the recording the hole begins, or ends, with it
+        before_first = -1 if ends[0] else -np.inf
+        after_last = 1 if ends[1] else np.inf
+        edges = np.concatenate(
+            [
+                [min(sources[0], grid[0]) + before_first],
+                sources.astype(float),
+                [max(sources[-1], grid[-1]) + after_last],
+            ]
         )
-
-    def fill(array: np.ndarray) -> np.ndarray:
-        return np.column_stack([np.interp(grid, sources, column) for column in array[whole].T])
-
-    mag = None if samples.mag is None else fill(samples.mag)
-    device_q = (
-        None
-        if samples.device_q is None
-        else rotation.interpolate(sources, samples.device_q[whole], grid)
-    )
-    return UniformSamples(interval, fill(samples.gyr), fill(samples.acc), mag, device_q)
+        result[np.flatnonzero(is_hole)[edges[after + 1] - edges[after] - 1 > bridge]] = np.nan
+    return result
 
 
 def _irregular(device_time_ns: np.ndarray, rows: np.ndarray, clock: ClockFit) -> np.ndarray | None:
@@ -109,12 +166,3 @@ def _irregular(device_time_ns: np.ndarray, rows: np.ndarray, clock: ClockFit) ->
     if steps.min() <= SHORTEST * median or steps.std() <= LEAST_JITTER * median:
         return None
     return np.minimum(np.concatenate([[median], steps]), LONGEST * median)
-
-
-def whole_samples(samples: ImuSamples) -> np.ndarray:
-    """Samples of which no recorded quantity is NaN, shape (n,), bool."""
-    whole = np.ones(len(samples), dtype=bool)
-    for array in (samples.gyr, samples.acc, samples.mag, samples.device_q):
-        if array is not None and np.isfinite(array).any():
-            whole &= np.isfinite(array).all(axis=1)
-    return whole if whole.any() else np.ones(len(samples), dtype=bool)

@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 
 from testbench.exceptions import BenchError, InputError, NotFoundError
+from testbench.formats.exporters.settings import settings_notes
 from testbench.formats.exporters.source import TRUTH, ExportSource, Frame
 from testbench.formats.exporters.writing import check_target, written_whole
 from testbench.records.session.layout import EXPORT
@@ -184,7 +185,8 @@ def write_export(
             notes = write(source, partial)
     except MemoryError:
         raise BenchError(f"{path}: there is not enough memory for this export") from None
-    return Exported(path, [source.filter] if kind.one_filter else source.filters, notes)
+    filters = [source.filter] if kind.one_filter else source.filters
+    return Exported(path, filters, [*notes, *settings_notes(source, filters)])
 
 
 __all__ = [

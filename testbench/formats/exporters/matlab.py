@@ -10,6 +10,7 @@ import numpy as np
 from scipy.io import savemat
 
 from testbench.exceptions import InputError
+from testbench.formats.exporters.settings import settings_of
 from testbench.formats.exporters.source import ExportSource, software
 from testbench.formats.exporters.tables import Table, all_tables, conventions, grouped, unit_of
 
@@ -38,6 +39,9 @@ def write(source: ExportSource, path: Path) -> list[str]:
         "software": software(),
         "conventions": _cells([f"{key}: {text}" for key, text in conventions().items()]),
     }
+    ran_with = settings_of(source, source.filters)
+    if ran_with:
+        content["parameters"] = _cells([f"{key}: {text}" for key, text in ran_with.items()])
     arm = source.arm
     if arm is not None:
         content["arm_joint_names"] = _cells(arm.joint_names)

@@ -26,6 +26,7 @@ from testbench.formats.exporters.ros_messages import (
     magnetic_field_layout,
     transforms_layout,
 )
+from testbench.formats.exporters.settings import settings_of
 from testbench.formats.exporters.source import ExportSource, software
 from testbench.frames import NANOSECONDS
 from testbench.records.session.samples import ArmSamples
@@ -129,6 +130,7 @@ def _metadata(source: ExportSource) -> dict[str, str]:
     return {
         "session": source.session.name,
         "orientation": f"q_world_from_sensor by {source.filter}",
+        "parameters": settings_of(source, [source.filter]).get(source.filter, ""),
         "world": "z up",
         "stamps": "start of the session (UTC) and the host's clock; sensors by their fitted clocks",
         "units": "SI",

@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.formats.exporters.opensim_text import gap_notes, overlap, write_text
+from testbench.formats.exporters.settings import settings_lines
 from testbench.formats.exporters.source import ExportSource, increasing
 from testbench.model.joint_angle import flexion_of
 
@@ -43,6 +44,7 @@ def write(source: ExportSource, path: Path) -> list[str]:
         "inDegrees=yes",
         f"session={source.session.name}",
         f"filter={source.filter}",
+        *settings_lines(source),
     ]
     texts = "\t".join(["%.9f"] * len(columns))
     write_text(path, header, list(columns), time_ns, texts, np.column_stack(list(columns.values())))

@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.formats.exporters.opensim_text import data_rate, gap_notes, overlap, write_text
+from testbench.formats.exporters.settings import settings_lines
 from testbench.formats.exporters.source import ExportSource
 from testbench.model import rotation
 
@@ -45,6 +46,7 @@ def write(source: ExportSource, path: Path) -> list[str]:
         f"OpenSimVersion={OPENSIM_VERSION}",
         f"session={source.session.name}",
         f"filter={source.filter}",
+        *settings_lines(source),
         f"frame={GROUND if ground else WORLD}",
     ]
     texts = "\t".join(["%.9f,%.9f,%.9f,%.9f"] * len(series))

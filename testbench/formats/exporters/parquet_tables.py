@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from testbench.formats.exporters.settings import settings_of
 from testbench.formats.exporters.source import ExportSource
 from testbench.formats.exporters.tables import all_tables, conventions, description, unit_of
 from testbench.formats.exporters.writing import write_index
@@ -18,6 +19,7 @@ def write(source: ExportSource, folder: Path) -> list[str]:
         units = {column: unit_of(column) for column in columns}
         notes = {
             "session": source.session.name,
+            "parameters": json.dumps(settings_of(source, source.filters)),
             "units": json.dumps(units),
             "conventions": json.dumps(conventions()),
         }

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from testbench.formats.exporters.settings import settings_of
 from testbench.formats.exporters.source import TRUTH, ExportSource, software, true_orientation
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_angle import flexion_of
@@ -167,6 +168,7 @@ def description(source: ExportSource, tables: dict[str, Table]) -> dict[str, Any
         "started_utc": manifest.started_utc,
         "protocol": manifest.content.get("protocol"),
         "filters": [key for key in source.filters if key != TRUTH],
+        "parameters": settings_of(source, source.filters),
         "conventions": conventions(),
         "tables": {
             name: {

@@ -12,75 +12,21 @@ gravity, its steps are the measured rates, and the measured field points north.)
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from testbench.exceptions import FileProblems, InputError
+from testbench.exceptions import InputError
+from testbench.formats.common_clock import share_clock
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.table_sensors import Layout, table_sensor
+from testbench.formats.tables.joined_table import Joined, JoinedTable
 from testbench.formats.tables.recognise import Found, find_sensors, find_time
-from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import TextTable, find_table
-from testbench.model import rotation
 
 _HEADER = re.compile(r"^\W*Time\b.*(Gyroscope|Accelerometer|\bW\b|Quaternion)", re.IGNORECASE)
 Q = ["W", "X", "Y", "Z"]
-
-
-@dataclass
-class WithOrientation:
-    """The table of the sensors, with the quaternion of another file brought to its times."""
-
-    sensors: TextTable
-    time: str
-    quaternion: TextTable
-    q_time: str
-
-    @property
-    def names(self) -> list[str]:
-        """Of the sensors' table, and W, X, Y, Z."""
-        return [*self.sensors.names, *Q]
-
-    def chunks(self, kinds: Mapping[str, Kind]) -> Iterator[Columns]:
-        """See `Source.chunks`.
-
-        Quaternions are interpolated spherically, and NaN before the first and after the last.
-        """
-        own = {name: kind for name, kind in kinds.items() if name not in Q} | {self.time: "float"}
-        wanted: dict[str, Kind] = dict.fromkeys([self.q_time, *Q], "float")
-        reader = self.quaternion.chunks(wanted)
-        held = np.empty((0, 5))
-        ended = False
-        for chunk in self.sensors.chunks(own):
-            times = chunk[self.time]
-            while not ended and (not len(held) or held[-1, 0] < times[-1]):
-                following = next(reader, None)
-                ended = following is None
-                if following is not None:
-                    held = np.vstack([held, np.column_stack([following[name] for name in wanted])])
-            q = _at(held, times)
-            yield {name: values for name, values in chunk.items() if name in kinds} | dict(
-                zip(Q, q.T, strict=True)
-            )
-            held = held[max(int(np.searchsorted(held[:, 0], times[-1])) - 1, 0) :]
-
-    def problem(self, message: str, row: int | None = None) -> FileProblems:
-        """Of the sensors' table."""
-        return self.sensors.problem(message, row)
-
-
-def _at(held: np.ndarray, times: np.ndarray) -> np.ndarray:
-    result = np.full((len(times), 4), np.nan)
-    if len(held):
-        inside = (times >= held[0, 0]) & (times <= held[-1, 0])
-        result[inside] = rotation.interpolate(held[:, 0], held[:, 1:], times[inside])
-    return result
 
 
 def read(files: list[Path], options: Options) -> Recording:
@@ -120,7 +66,12 @@ def read(files: list[Path], options: Options) -> Recording:
     heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     label = names[0] if len(names) == 1 else "ngimu"
     return Recording(
-        sensor_name(label), "NGIMU recording", sensors, suitable_analysis(heads), notes
+        sensor_name(label),
+        "NGIMU recording",
+        sensors,
+        suitable_analysis(heads),
+        notes,
+        share_clock(sensors, "the time that NGIMUs of one session write", ""),
     )
 
 
@@ -133,7 +84,7 @@ def _device(
     name: str, tables: dict[str, TextTable], options: Options, notes: list[str]
 ) -> ImportedSensor:
     times = {kind: _time(table) for kind, table in tables.items()}
-    source: TextTable | WithOrientation
+    source: TextTable | JoinedTable
     found = Found()
     if "sensors" in tables:
         source = tables["sensors"]
@@ -146,9 +97,8 @@ def _device(
         q_table = tables["quaternion"]
         source = q_table
         if "sensors" in tables:
-            source = WithOrientation(
-                tables["sensors"], times["sensors"], q_table, times["quaternion"]
-            )
+            orientation = Joined(q_table, times["quaternion"], {q: q for q in Q}, turns=True)
+            source = JoinedTable(tables["sensors"], times["sensors"], [orientation])
         found.columns["quaternion"] = list(Q)
         if "sensors" in tables:
             notes.append(f"{name}: quaternions are interpolated to the times of the sensors")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.records.disk.tables import read_parquet_batches, read_stacked
+from testbench.records.disk.tables import Stack, read_parquet_batches, read_stacked
 
 MOST_ROWS = 500_000
 """Rows of the arm or of a truth that are read as a whole; of more, those are read that are
@@ -76,24 +76,9 @@ def read_near(
     following = np.searchsorted(times, instants, side="right")
     for rows in (following, following - 1, np.searchsorted(times, instants)):
         wanted[np.clip(rows, 0, len(times) - 1)] = True
-    count, done, place = int(wanted.sum()), 0, 0
-    result: dict[str, np.ndarray] = {}
-    columns = [
-        name for group in groups.values() for name in ([group] if isinstance(group, str) else group)
-    ]
-    for batch in read_parquet_batches(path, columns):
-        here = wanted[done : done + len(batch[columns[0]])]
-        taken = slice(place, place + int(here.sum()))
-        for key, group in groups.items():
-            if isinstance(group, str):
-                result.setdefault(key, np.empty(count, dtype=batch[group].dtype))[taken] = batch[
-                    group
-                ][here]
-            else:
-                matrix = result.setdefault(
-                    key, np.empty((count, len(group)), dtype=batch[group[0]].dtype)
-                )
-                for i, name in enumerate(group):
-                    matrix[taken, i] = batch[name][here]
-        done, place = done + len(here), taken.stop
-    return result
+    stack, done, place = Stack(groups, int(wanted.sum())), 0, 0
+    for batch in read_parquet_batches(path, stack.columns):
+        here = wanted[done : done + len(batch[stack.columns[0]])]
+        place = stack.put(place, batch, here)
+        done += len(here)
+    return stack.arrays

@@ -104,10 +104,10 @@ def replaced_folder(folder: Path, summary: Path | None = None) -> Iterator[Path]
         if summary is not None:
             (folder / summary.name).replace(summary)
         _sync(folder.parent)
-        _remove(old)
+        remove(old)
     finally:
         try:
-            _remove(new)
+            remove(new)
         finally:
             os.close(held)
 
@@ -211,12 +211,12 @@ def _remove_unless_held(path: Path) -> None:
         found = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
         try:
             fcntl.flock(found, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            _remove(path)
+            remove(path)
         finally:
             os.close(found)
 
 
-def _remove(path: Path) -> None:
+def remove(path: Path) -> None:
     """Remove a file, a link or a folder, if it is there."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)

@@ -245,38 +245,67 @@ def read_stacked(
     """
     count, names = parquet_shape(path)
     end = count if end is None else min(end, count)
-    single = [group for group in groups.values() if isinstance(group, str)]
-    wanted = single + [
-        name for group in groups.values() if not isinstance(group, str) for name in group
-    ]
-    missing = [name for name in wanted if name not in names]
+    stack = Stack(groups, max(end - begin, 0) // every)
+    missing = [name for name in stack.columns if name not in names]
     if missing:
         raise SessionError(f"{path} lacks the column {missing[0]}; it has {', '.join(names)}")
-    rows = max(end - begin, 0) // every
-    result: dict[str, np.ndarray] = {}
     first = 0
-    for batch in read_parquet_batches(path, wanted):
-        length = len(batch[wanted[0]])
+    for batch in read_parquet_batches(path, stack.columns):
+        length = len(batch[stack.columns[0]])
         start = begin + every - 1 - first  # of the first row that is wanted, seen from this piece
         start += max(-(start // every), 0) * every
-        place = (first + start - begin) // every
-        taken = slice(start, max(end - first, 0), every)
-        for key, group in groups.items():
-            if isinstance(group, str):
-                values = result.setdefault(key, np.empty(rows, dtype=batch[group].dtype))
-                part = batch[group][taken]
-                values[place : place + len(part)] = part
-            else:
-                matrix = result.setdefault(
-                    key, np.empty((rows, len(group)), dtype=batch[group[0]].dtype)
-                )
-                for i, name in enumerate(group):
-                    part = batch[name][taken]
-                    matrix[place : place + len(part), i] = part
+        stack.put((first + start - begin) // every, batch, slice(start, max(end - first, 0), every))
         first += length
         if first >= end:
             break
-    return result
+    return stack.arrays
+
+
+class Stack:
+    """Arrays of a known length that are filled from pieces of a table.
+
+    Args:
+        groups: By the name of the result, a column, or several that stand side by side in an array
+            (n, k).
+        rows: Length of the arrays.
+
+    Attributes:
+        columns: Names of all the columns.
+        arrays: The results by name, shape (rows,) or (rows, k), once a first piece has come.
+    """
+
+    def __init__(self, groups: Mapping[str, str | Sequence[str]], rows: int):
+        self._groups, self._rows = groups, rows
+        self.columns = [
+            name
+            for group in groups.values()
+            for name in ([group] if isinstance(group, str) else group)
+        ]
+        self.arrays: dict[str, np.ndarray] = {}
+
+    def put(self, place: int, piece: Columns, taken: slice | np.ndarray) -> int:
+        """Put rows of a piece to their place.
+
+        Args:
+            place: Row of the arrays that the first of them takes.
+            piece: Columns by name, each of shape (k,).
+            taken: Which of its rows; a mask of shape (k,), or a slice.
+
+        Returns:
+            The row after the last of them.
+        """
+        end = place
+        for key, group in self._groups.items():
+            names = [group] if isinstance(group, str) else group
+            shape = (self._rows,) if isinstance(group, str) else (self._rows, len(names))
+            if key not in self.arrays:
+                self.arrays[key] = np.empty(shape, dtype=piece[names[0]].dtype)
+            array = self.arrays[key]
+            for i, name in enumerate(names):
+                part = piece[name][taken]
+                end = place + len(part)
+                (array if isinstance(group, str) else array[:, i])[place:end] = part
+        return end
 
 
 def parquet_shape(path: Path) -> tuple[int, list[str]]:
@@ -298,7 +327,12 @@ def last_value(path: Path, column: str) -> int | None:
     Raises:
         SessionError: The file is missing or damaged.
     """
-    values = np.zeros(0, dtype=np.int64)
-    for batch in read_parquet_batches(path, [column]):
-        values = batch[column]
+    try:
+        with pq.ParquetFile(path) as file:
+            rows = [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)]
+            filled = [i for i, count in enumerate(rows) if count]
+            table = file.read_row_group(filled[-1], [column]) if filled else file.read([column])
+    except (OSError, pa.ArrowException) as error:
+        raise SessionError(f"{path} cannot be read: {error}") from None
+    values = _Table(path, _columns(table))[column]
     return int(values[-1]) if len(values) else None

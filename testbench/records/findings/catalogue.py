@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 from testbench.records.findings.finding import Finding, Severity, Value
-from testbench.records.findings.words import consistency, estimation, evaluation, general, recording
+from testbench.records.findings.words import (
+    consistency,
+    estimation,
+    evaluation,
+    general,
+    recording,
+    samples,
+    time,
+    tracking,
+)
 from testbench.records.findings.words.template import Template
 
 SUBJECTS: tuple[dict[str, Template], ...] = (
@@ -12,6 +21,9 @@ SUBJECTS: tuple[dict[str, Template], ...] = (
     estimation.TEMPLATES,
     evaluation.TEMPLATES,
     recording.TEMPLATES,
+    samples.TEMPLATES,
+    time.TEMPLATES,
+    tracking.TEMPLATES,
 )
 """The templates by subject, one module each."""
 TEMPLATES: dict[str, Template] = {code: own for part in SUBJECTS for code, own in part.items()}

@@ -15,8 +15,8 @@ def sentences_to_findings(data: dict[str, Any], key: str) -> None:
         data: Is changed; sentences that stand beside findings only repeat them and are dropped.
         key: Of the sentences, such as "notes".
     """
-    sentences = data.pop(key, [])
-    if "findings" not in data and isinstance(sentences, list):
+    sentences = data.pop(key, None)
+    if isinstance(sentences, list) and "findings" not in data:
         data["findings"] = [
             {"code": NOTED, "severity": Severity.NOTE, "where": "", "sentence": sentence}
             for sentence in sentences

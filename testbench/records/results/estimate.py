@@ -15,7 +15,7 @@ from pydantic import TypeAdapter, with_config
 
 from testbench.records.disk.json_file import write_json
 from testbench.records.disk.json_record import AS_WRITTEN, Array, Number, read_record
-from testbench.records.disk.replacing import replaced_folder, stored
+from testbench.records.disk.replacing import remove, replaced_folder, stored
 from testbench.records.disk.tables import read_parquet, read_stacked, write_parquet
 from testbench.records.findings.earlier import sentences_to_findings
 from testbench.records.findings.finding import Finding
@@ -24,6 +24,7 @@ from testbench.records.results.tuning import UsedTuning
 from testbench.records.session.layout import (
     ESTIMATE,
     ESTIMATE_SUMMARY,
+    OF_AN_ESTIMATE,
     joint_table,
     orientation_table,
     table_file,
@@ -334,7 +335,11 @@ class Estimate:
     set_parameters: dict[str, list[str]] = field(default_factory=dict)
 
     def save(self, session_folder: Path) -> None:
-        """Write the folder `estimate` of a session, in place of an earlier one."""
+        """Write the folder `estimate` of a session, in place of an earlier one.
+
+        What follows from the earlier one, its evaluation and report, is removed: nobody shall take
+        it for that of the new one. A kill in between leaves the earlier estimate without them.
+        """
         target = session_folder / ESTIMATE
         with session_lock(session_folder), stored(target), replaced_folder(target) as folder:
             for name, sensor in self.sensors.items():
@@ -344,6 +349,8 @@ class Estimate:
             for chain in self.chain:
                 chain.write(folder)
             write_json(folder / ESTIMATE_SUMMARY, self._summary())
+            for name in OF_AN_ESTIMATE:
+                remove(session_folder / name)
 
     def _summary(self) -> dict[str, Any]:
         """The content of estimate.json."""

@@ -16,7 +16,11 @@ ESTIMATE, ESTIMATE_SUMMARY = "estimate", "estimate.json"
 EVALUATION, EVALUATION_SUMMARY = "evaluation", "evaluation.json"
 """A folder of tables, with the summary beside it."""
 REPORT, RECORDING, EXPORT = "report.html", "session.rrd", "export"
-DERIVED = (ESTIMATE, EVALUATION, EVALUATION_SUMMARY, REPORT)
+OF_AN_ESTIMATE = (EVALUATION_SUMMARY, REPORT, EVALUATION)
+"""What follows from an estimate, in the order in which it is removed: nothing reads the folder
+without its summary.
+"""
+DERIVED = (ESTIMATE, *OF_AN_ESTIMATE)
 """What may be deleted and made again."""
 CYCLES = "cycles"
 """The table of the average cycles, in the folder of the evaluation."""

@@ -52,6 +52,18 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="ignore", strict=True, frozen=True, allow_inf_nan=False)
 
 
+class FullScale(_Part):
+    """Largest magnitude that each axis can report; None where nobody says.
+
+    Attributes:
+        acc_m_s2: Of the accelerometer [m/s^2].
+        gyr_rad_s: Of the gyroscope [rad/s].
+    """
+
+    acc_m_s2: Annotated[float, Field(gt=0)] | None = None
+    gyr_rad_s: Annotated[float, Field(gt=0)] | None = None
+
+
 class SensorRecord(_Part):
     """What is known of a sensor, beside what the protocol says of it.
 
@@ -64,6 +76,7 @@ class SensorRecord(_Part):
         orientation: Whether it reports one of its own.
         temperature: Whether it reports the temperature of its part.
         sampling: "instantaneous" or "integrated".
+        full_scale: Largest readings, where somebody states them.
         rate_delay_s: How much older than its stamp a rate is.
         device_tag: By which a stored calibration finds the device again.
         truth: Where the truth of an import comes from.
@@ -73,11 +86,12 @@ class SensorRecord(_Part):
     driver: str | None = None
     description: str | None = None
     preset: str | None = None
-    rate_hz: float | None = None
+    rate_hz: float | None = Field(default=None, gt=0)
     magnetometer: bool = False
     orientation: bool = False
     temperature: bool = False
     sampling: str | None = None
+    full_scale: FullScale | None = None
     rate_delay_s: float | None = None
     device_tag: str | None = None
     truth: str | None = None
@@ -103,10 +117,10 @@ class RobotRecord(_Part):
 class ArmTiming(_Part):
     """How the deadlines of a real arm were kept."""
 
-    samples_missed: int = 0
+    samples_missed: int = Field(default=0, ge=0)
 
 
-class ArmEntry(_Part):
+class ArmPart(_Part):
     """What moved, and what its controller said of itself.
 
     Attributes:
@@ -148,7 +162,7 @@ class DipoleRecord(_Part):
     link: str | None = None
     position_mm: list[float]
     moment_A_m2: list[float]
-    iron_radius_mm: float | None = None
+    iron_radius_mm: float | None = Field(default=None, ge=0)
 
 
 class EnvironmentRecord(_Part):
@@ -171,9 +185,9 @@ class JointUseRecord(_Part):
     joint: str
     lowest_deg: float
     highest_deg: float
-    peak_speed_deg_s: float
+    peak_speed_deg_s: float = Field(ge=0)
     speed_limit_deg_s: float = Field(gt=0)
-    peak_acceleration_deg_s2: float
+    peak_acceleration_deg_s2: float = Field(ge=0)
     acceleration_limit_deg_s2: float = Field(gt=0)
 
 
@@ -189,8 +203,8 @@ class ClearanceRecord(_Part):
 class CheckRecord(_Part):
     """What `testbench check` found, of that which is read again."""
 
-    steps: int | None = None
-    duration_s: float | None = None
+    steps: int | None = Field(default=None, ge=0)
+    duration_s: float | None = Field(default=None, ge=0)
     joints: list[JointUseRecord] = []
     clearance: ClearanceRecord | None = None
     warnings: list[str] = []
@@ -207,7 +221,7 @@ class ResumesRecord(_Part):
     """The session that this one goes on with, and the steps of the plan that it was to do."""
 
     session: str
-    steps: list[int] | None = None
+    steps: list[Annotated[int, Field(ge=0)]] | None = None
 
 
 def _several(source: Any) -> Any:
@@ -226,6 +240,7 @@ class Manifest(_Part):
 
     Attributes:
         analysis: As it stands there; `Session.analysis` is what it means.
+        analysis_request: How the run was to be analysed, where that is not as the protocol says.
     """
 
     schema_version: int
@@ -237,25 +252,26 @@ class Manifest(_Part):
     started_utc: str | None = None
     recorded_utc: str | None = None
     recorded_by: str | None = None
-    duration_s: float | None = None
+    duration_s: float | None = Field(default=None, ge=0)
     clocks: dict[str, str] = {}
     software: dict[str, str] = {}
     protocol: ProtocolRecord = ProtocolRecord()
     protocol_path: str | None = None
-    seed: int | None = None
+    seed: int | None = Field(default=None, ge=0)
     robot: RobotRecord = RobotRecord()
-    arm: ArmEntry = ArmEntry()
+    arm: ArmPart = ArmPart()
     environment: EnvironmentRecord | None = None
     simulated_sensors: bool = False
     checklist: dict[str, Any] | None = None
     device_statistics: dict[str, Any] = {}
+    analysis_request: dict[str, Any] = {}
     resumed: list[dict[str, Any]] = []
     resumes: ResumesRecord | None = None
     plan: PlanRecord = PlanRecord()
     format: str | None = None
     source: Annotated[list[str], BeforeValidator(_several)] = []
     findings: Annotated[list[Finding], BeforeValidator(_findings)] = []
-    samples: dict[str, int] = {}
+    samples: dict[str, Annotated[int, Field(ge=0)]] = {}
     analysis: dict[str, Any] = {}
     files: dict[str, str] = {}
 
@@ -331,7 +347,7 @@ def _fault(error: ValidationError, content: dict[str, Any]) -> str:
         return f"damaged: its status is {content.get('status')!r:.50}"
     if fault["type"] == "string_pattern_mismatch":
         return f"refused: '{str(fault['input'])[:50]}' is no name for a sensor"
-    if key == "sensors" and fault["type"] != "string_pattern_mismatch" and len(rest) < 2:
+    if key == "sensors" and len(rest) < 2:
         return "damaged: it names no sensors"
     if not rest and fault["type"] in {"model_type", "dict_type"}:
         return f"damaged: its {key} is no mapping"

@@ -89,12 +89,15 @@ class SessionWriter:
             self._write_manifest()
 
     @classmethod
-    def reopen(cls, path: Path, resumed: Mapping[str, Any]) -> SessionWriter:
+    def reopen(
+        cls, path: Path, resumed: Mapping[str, Any], details: Mapping[str, Any] | None = None
+    ) -> SessionWriter:
         """Go on with a session that was closed or recovered.
 
         Args:
             path: Its folder.
             resumed: What the manifest should say of the resumption.
+            details: Entries of the manifest that are others from now on.
 
         Raises:
             SessionError: The session cannot be read, or is being recorded.
@@ -111,6 +114,7 @@ class SessionWriter:
             without=("message", "duration_s", "files"),
             status=RunStatus.RUNNING,
             resumed=[*manifest.resumed, dict(resumed)],
+            **(details or {}),
         )
         writer._write_manifest()
         return writer
@@ -165,9 +169,12 @@ class SessionWriter:
             self._journals[name].append(columns)
 
     def event(self, event: Event) -> None:
-        """Append an event."""
+        """Append an event, and hand it to the operating system: what happened before the first
+        sample outlives a kill too.
+        """
         with self._writing():
             self._events.write(event.to_json() + "\n")
+            self._events.flush()
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system."""

@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 from pydantic import Field, field_validator, model_validator
 
 from testbench.records.disk.yaml_file import YamlDocument
+from testbench.records.specs.exclusion import DoubtfulSamples, Exclusion
 from testbench.records.specs.joint_definition import FlexionAngle, JointConstraint
 from testbench.records.specs.magnetism import MagneticDipole
 from testbench.records.specs.protocol_arm import ArmUse, Guards
@@ -226,6 +227,17 @@ class Estimation(StrictModel):
     chain: ChainEstimation | None = Field(
         default=None,
         description="Joints of the arm from several sensors together; null: not computed.",
+    )
+
+    exclude: list[Exclusion] = Field(
+        default=[],
+        description="Intervals whose samples count as lost, each with a reason.",
+    )
+
+    keep: list[DoubtfulSamples] = Field(
+        default=[],
+        description="Kinds of doubtful samples that are real in these recordings and stay in: "
+        "zeros, stuck, clipped, spike.",
     )
 
     @model_validator(mode="after")

@@ -180,6 +180,10 @@ class _Names:
                 "euler_ranges",
                 name,
             )
+        for i, exclusion in enumerate(self.spec.estimate.exclude):
+            for k, name in enumerate(exclusion.sensors):
+                place = ("estimate", "exclude", i, "sensors", k)
+                self._known(list(self.spec.sensors), name, "sensor", *place)
         if self.spec.estimate.chain is not None:
             for i, name in enumerate(self.spec.estimate.chain.sensors):
                 self._known(

@@ -27,6 +27,7 @@ from testbench.reporting.page.tables import (
     text,
 )
 from testbench.reporting.sections.cycle import cycle_blocks
+from testbench.reporting.sections.findings import finding_sentences
 from testbench.reporting.sections.ranking import plus_minus
 
 MOST_PANELS = 6
@@ -58,9 +59,9 @@ def chain_section(
         ]
         return section
     rows = evaluation.chain
-    section.blocks += [
-        Sentence(f"Note: {note}.") for note in evaluation.notes if note.startswith("chain, ")
-    ]
+    section.blocks += finding_sentences(
+        found for found in evaluation.findings if found.where.startswith("chain, ")
+    )
     section.blocks += [_errors(rows), _facts(estimate)] if rows else [_facts(estimate)]
     colours = filter_colours(list(dict.fromkeys(chain.state for chain in estimate.chain)))
     for name in dict.fromkeys(row.section for row in rows):

@@ -25,6 +25,7 @@ from testbench.reporting.page.page import Block, Figures, Heading, Section, Sent
 from testbench.reporting.page.palette import REFERENCE
 from testbench.reporting.page.tables import Cell, Row, Table, digits, header, label, number, text
 from testbench.reporting.sections.cycle import cycle_blocks
+from testbench.reporting.sections.findings import finding_sentences
 from testbench.reporting.sections.flexion import (
     PoseErrors,
     SweepErrors,
@@ -72,11 +73,12 @@ def joint_section(
         rows = [row for row in evaluation.joint_angle if row.joint == joint]
         if len(joints) > 1:
             section.blocks.append(Heading(joint))
-        section.blocks += [
-            Sentence(f"Note: {note}.")
-            for note in evaluation.notes
-            if note.startswith(f"joint '{joint}':")
-        ]
+        where = f"joint '{joint}'"
+        section.blocks += finding_sentences(
+            found
+            for found in evaluation.findings
+            if found.where == where or found.where.startswith(f"{where}, ")
+        )
         section.blocks += _summaries(joint, rows, evaluation)
         for name, own in by_section(rows).items():
             section.blocks += ranking_blocks(evaluation, joint, name)

@@ -18,17 +18,16 @@ from testbench.reporting.page.tables import (
     to_uncertainty,
     unit_words,
 )
+from testbench.reporting.sections.findings import finding_sentences
 
 
 def recording_section(estimate: Estimate, evaluation: Evaluation | None) -> Section:
     """How well the sensors were recorded, and what they read at rest."""
     section = Section("recording", "Recording")
     section.blocks += [_timing(estimate), _quality(estimate)]
-    section.blocks += [
-        Sentence(f"{found.at(name)}.")
-        for name, sensor in estimate.sensors.items()
-        for found in sensor.findings
-    ]
+    section.blocks += finding_sentences(
+        found.at(name) for name, sensor in estimate.sensors.items() for found in sensor.findings
+    )
     if evaluation is not None and evaluation.noise:
         section.blocks.append(_noise(evaluation.noise))
     else:
@@ -83,9 +82,8 @@ def _timing(estimate: Estimate) -> Table:
 
 
 def _quality(estimate: Estimate) -> Table:
-    reasons = list(
-        dict.fromkeys(reason for sensor in estimate.sensors.values() for reason in sensor.quality)
-    )
+    sensors = estimate.sensors.values()
+    reasons = list(dict.fromkeys(reason for sensor in sensors for reason in sensor.quality))
     rows = [
         Row(
             [

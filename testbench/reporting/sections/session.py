@@ -27,6 +27,7 @@ from testbench.reporting.page.tables import (
     text,
     vector,
 )
+from testbench.reporting.sections.findings import finding_sentences
 from testbench.reporting.sections.ranking import plus_minus
 
 SHOWN = {
@@ -175,10 +176,7 @@ def run_section(session: Session) -> Section:
             _environment(environment) if environment.dipoles else _undisturbed(environment)
         )
     blocks += _interruptions(session)
-    blocks += [
-        Sentence(f"Note: {note}{'' if note.endswith('.') else '.'}")
-        for note in session.manifest.notes
-    ]
+    blocks += finding_sentences(session.manifest.findings)
     return Section("run", "What was run" if session.has_protocol else "What was recorded", blocks)
 
 
@@ -352,7 +350,7 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
                 limits=False,
             )
         )
-    section.blocks += [Sentence(f"Note: {note}.") for note in evaluation.notes]
+    section.blocks += finding_sentences(evaluation.findings)
     return section
 
 

@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.session.session import Session
 from testbench.reporting.viewer.scene import ROW, WORLD, arrangement, column_width
-from testbench.reporting.viewer.signals import PARTS, chain_joints
+from testbench.reporting.viewer.signals import PARTS, chain_joints, told
 from testbench.reporting.viewer.timeline import TIMELINE
 
 SIGNALS = {
@@ -46,8 +46,9 @@ def layout(
         right.append(rrb.StateTimelineView(origin="/state", name="protocol"))
         shares.append(1.6)
     shown = rrb.TextLogColumns(timeline_columns=[TIMELINE], text_log_columns=["loglevel", "body"])
-    if session.events:
-        right.append(rrb.TextLogView(origin="/events", name="steps and events", columns=shown))
+    if session.events or told(session, evaluation):
+        name = "findings, steps and events"
+        right.append(rrb.TextLogView(origin="/events", name=name, columns=shown))
         shares.append(2.2)
     return rrb.Blueprint(
         rrb.Horizontal(left, rrb.Vertical(*right, row_shares=shares), column_shares=[2, 3]),

@@ -105,7 +105,7 @@ def _log(
     if evaluation is not None:
         log_errors(recording, evaluation, colours)
         log_chain(recording, evaluation)
-    log_steps(recording, session)
+    log_steps(recording, session, evaluation)
 
 
 def _reach(session: Session, arm: ArmSamples | None) -> float | None:

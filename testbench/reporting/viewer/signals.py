@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import rerun as rr
 
+from testbench.records.findings.finding import Finding, Severity, told_once
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.session.layout import chain_table, joint_table, orientation_table
@@ -143,9 +144,23 @@ def _first(series: Mapping[str, np.ndarray]) -> int:
     return int(np.argmax(judged)) if judged is not None and judged.any() else 0
 
 
-def log_steps(recording: rr.RecordingStream, session: Session) -> None:
-    """A line of text for each event, and the section and phase of the protocol as states."""
-    times, texts, levels = [], [], []
+def told(session: Session, evaluation: Evaluation | None) -> list[Finding]:
+    """What was noticed about a session, when it was recorded and when it was evaluated."""
+    return told_once(
+        [*session.manifest.findings, *([] if evaluation is None else evaluation.findings)]
+    )
+
+
+def log_steps(
+    recording: rr.RecordingStream, session: Session, evaluation: Evaluation | None
+) -> None:
+    """A line of text for each finding and event, and the section and phase of the protocol as
+    states.
+    """
+    findings = told(session, evaluation)
+    times = [0] * len(findings)
+    texts = [str(found) for found in findings]
+    levels = ["WARN" if found.severity is Severity.WARNING else "INFO" for found in findings]
     for event in session.events:
         text = _sentence(event.event, event.details)
         if text:

@@ -91,7 +91,11 @@ def eventful() -> UniformSamples:
             "filter madgwick_imu: beta is -0.1 rad/s; it must be at least 0",
         ),
         ("vqf_6d", {"rest_bias": 0.5}, "rest_bias is 0.5; a switch is 0 (off) or 1 (on)"),
-        ("imufilter", {"linear_acc_decay": 1.5}, "it must be between 0 and 1"),
+        (
+            "imufilter",
+            {"linear_acc_decay": 1.5},
+            "linear_acc_decay is 1.5; it must be between 0 and 1",
+        ),
         ("vqf_6d", {"tau_acc_s": float("nan")}, "must be a finite number"),
         ("gyro", {"beta": 1.0}, "unknown parameter of the filter gyro 'beta'; known: none"),
     ],

@@ -21,8 +21,9 @@ from testbench.estimation.filters import plugins
 from testbench.estimation.filters.plugins import find_filter
 from testbench.estimation.filters.self_test import self_test
 from testbench.exceptions import InputError, NotFoundError
-from testbench.pipeline import show
-from testbench.pipeline.analyse import is_as_asked, load_analysis, load_or_estimate, sound_filters
+from testbench.pipeline import exports
+from testbench.pipeline.kept_estimate import is_as_asked, load_or_estimate
+from testbench.pipeline.loaded_analysis import load_analysis, sound_filters
 from testbench.pipeline.request import ExportRequest
 from testbench.records.session.session import Session
 from tests.asking import analysis
@@ -183,7 +184,7 @@ def test_a_filter_of_the_users_own_can_be_exported(quick, tmp_path, monkeypatch)
     """
     tested = []
     monkeypatch.setattr(
-        show, "sound", lambda kind: tested.append(kind.name) or kind
+        exports, "sound", lambda kind: tested.append(kind.name) or kind
     )  # the self-test takes seconds
     session = Session(shutil.copytree(quick.session.path, tmp_path / "quick"))
     before = sorted(path.name for path in (session.path / "estimate").iterdir())
@@ -225,7 +226,7 @@ def test_a_filter_of_the_users_own_can_be_exported(quick, tmp_path, monkeypatch)
     with pytest.raises(
         NotFoundError, match=r"unknown filter 'steady_hand'; known: truth, device, .*vqf_6d"
     ):
-        show.export(
+        exports.export(
             session, ExportRequest(format="csv", out=tmp_path / "unknown", filter="steady_hand")
         )
     alone.save(session.path)

@@ -45,7 +45,7 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> Session:
     time = np.round(np.arange(n) / RATE * 1e9).astype(np.int64)
     angle = np.sin(np.arange(n) / RATE)
     gyr = np.column_stack([np.zeros(n), np.zeros(n), np.cos(np.arange(n) / RATE)])
-    acc = np.tile([0.0, 0.0, 9.80665], (n, 1))
+    acc = np.random.default_rng(1).normal([0.0, 0.0, 9.80665], 0.01, (n, 3))  # it is not frozen
     q = rotation.from_heading(angle)
     q[1200:1300] = np.nan
     q[7::11] *= -1

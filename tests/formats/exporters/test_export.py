@@ -7,11 +7,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
+from scipy.io import loadmat
 
+from testbench.estimation import estimate
 from testbench.exceptions import InputError, NotFoundError, StorageError
 from testbench.formats.exporters import EXPORTS, ExportSource, prepare_export, write_export
+from testbench.pipeline.exports import export
 from testbench.pipeline.request import ExportRequest
-from testbench.pipeline.show import export
 from testbench.records.session.session import Session
 from testbench.reporting.viewer import save_recording
 from tests.processes import bench
@@ -38,6 +41,36 @@ def test_every_format_is_written_into_the_session_and_nothing_else_changes(name,
         export(own_session, ExportRequest(format=name))
     export(own_session, ExportRequest(format=name, force=True))
     assert [path for path in everything(own_session.path) if path not in before] == new
+
+
+def ran_with(path: Path) -> str:
+    """What an export says of the parameters of `madgwick_imu`."""
+    if path.is_dir():
+        return json.loads((path / "export.json").read_text())["parameters"]["madgwick_imu"]
+    if path.suffix == ".mcap":
+        with path.open("rb") as file:
+            (found,) = make_reader(file).iter_metadata()
+        return found.metadata["parameters"]
+    if path.suffix == ".mat":
+        return str(loadmat(path, simplify_cells=True)["session"]["parameters"])
+    header = path.read_text().split("endheader")[0].splitlines()
+    return next(line for line in header if line.startswith("parameters="))
+
+
+@pytest.mark.parametrize("name", [name for name in EXPORTS if name != "rrd"])
+def test_an_export_names_the_parameters_that_its_filters_ran_with(name, source, tmp_path):
+    """Also those of a stored estimate that was made with others than the protocol's."""
+    made = estimate(source.session, ["madgwick_imu"], parameters={"madgwick_imu": {"beta": 0.125}})
+    own = ExportSource(source.session, made, "madgwick_imu")
+    path = prepare_export(name, source.session, tmp_path / f"x{EXPORTS[name].suffix}", False)
+    result = write_export(name, own, path)
+    assert "beta: 0.125 (set)" in ran_with(result.path)
+    assert "filter 'madgwick_imu' ran with parameters that were set: beta = 0.125" in result.notes
+
+
+def test_an_export_of_the_protocols_own_parameters_has_no_note_on_them(source, tmp_path):
+    result = write_export("csv", source, tmp_path / "csv")
+    assert not [note for note in result.notes if "parameters" in note]
 
 
 def test_missing_folders_above_an_export_are_made(own_session, tmp_path):

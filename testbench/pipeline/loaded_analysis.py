@@ -1,0 +1,107 @@
+"""A request for an analysis with all that it names: read, and found sound."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from testbench.estimation import estimate
+from testbench.estimation.filters import FILTERS, OrientationFilter, choose_filters
+from testbench.estimation.filters.plugins import find_filter
+from testbench.estimation.filters.tuned import choose_tuned
+from testbench.exceptions import InputError
+from testbench.pipeline.request import AnalysisRequest
+from testbench.records.results.calibration_file import SensorCalibration, load_calibrations
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.tuning import Tuning, load_tunings
+from testbench.records.session.session import Session
+from testbench.records.specs.protocol import Estimation
+
+
+@dataclass(frozen=True)
+class LoadedAnalysis:
+    """A request for an analysis with all that it names: read, and found sound.
+
+    Attributes:
+        asked: The request.
+        filters: Names of those that ship, and others as they are; those of the protocol if None.
+        calibrations: To correct the raw samples with; None if none was named.
+        tunings: Tuned parameters.
+    """
+
+    asked: AnalysisRequest
+    filters: list[str | OrientationFilter] | None
+    calibrations: list[SensorCalibration] | None
+    tunings: list[Tuning]
+
+    def choose(self, settings: Estimation) -> list[OrientationFilter]:
+        """The filters that would run on a recording, with their parameters.
+
+        Args:
+            settings: Of its protocol.
+
+        Raises:
+            NotFoundError: No such filter or parameter.
+            InputError: As for `choose_tuned`.
+        """
+        return choose_tuned(
+            self.filters,
+            settings.filters,
+            settings.filter_parameters,
+            self.tunings,
+            self.asked.parameters,
+        )
+
+    def estimate(self, session: Session) -> Estimate:
+        """A new estimate of a recording; it is not kept."""
+        return estimate(
+            session, self.filters, self.calibrations, self.tunings, self.asked.parameters
+        )
+
+
+def load_analysis(asked: AnalysisRequest) -> LoadedAnalysis:
+    """Read what a request for an analysis names, and refuse what cannot be used.
+
+    This is done before anything moves.
+
+    Raises:
+        NotFoundError: An unknown filter.
+        InputError: A filter of the user's own fails the self-test, a calibration or a tuning is
+            missing or malformed.
+    """
+    filters = None if asked.filters is None else sound_filters(asked.filters)
+    calibrations = (
+        None if asked.calibrations is None else load_calibrations(Path(asked.calibrations))
+    )
+    return LoadedAnalysis(asked, filters, calibrations, load_tunings(map(Path, asked.tunings)))
+
+
+def sound_filters(names: Sequence[str]) -> list[str | OrientationFilter]:
+    """Filters by name or `path/to/file.py:ClassName`; those that ship with the bench stay names.
+
+    Raises:
+        NotFoundError: No such filter.
+        InputError: Two of one name, or one of the user's own that fails the self-test.
+    """
+    if not names:
+        raise InputError("--filters names no filter")
+    chosen = [name if name in FILTERS else sound(find_filter(name)) for name in names]
+    choose_filters(chosen)
+    return chosen
+
+
+def sound(kind: OrientationFilter) -> OrientationFilter:
+    """A user's own filter, once it has passed the self-test.
+
+    One with a wrong unit or sign is not ranked beside the others.
+
+    Raises:
+        InputError: It fails; says in what.
+    """
+    from testbench.estimation.filters.self_test import self_test
+
+    result = self_test(kind)
+    if not result.passed:
+        raise InputError(f"the filter {kind.name} fails the self-test: {result.reason}")
+    return kind

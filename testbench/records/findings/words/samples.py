@@ -1,0 +1,59 @@
+"""Findings on samples: readings that a sensor cannot have measured, and what was left out."""
+
+from __future__ import annotations
+
+from testbench.records.findings.words.template import NOTE, WARNING, Template
+
+TEMPLATES = {
+    "samples.zeros": Template(
+        WARNING,
+        "{count} samples read exactly 0 in every axis of {quantities}, the first at {first_s:.2f} "
+        "s",
+        "a dropout that was written as zeros; they count as lost",
+        "`estimate: {{keep: [zeros]}}` if they are real",
+    ),
+    "samples.stuck": Template(
+        WARNING,
+        "{count} samples repeat the one before in every axis of {quantities}, the first at "
+        "{first_s:.2f} s, for longer than its noise can",
+        "the readings froze; they count as lost",
+        "`estimate: {{keep: [stuck]}}` if they are real",
+    ),
+    "samples.clipped": Template(
+        WARNING,
+        "{count} samples stand at the largest reading of {quantities}, several in a row, the first "
+        "at {first_s:.2f} s",
+        "the motion went beyond the sensor's range; they are not judged",
+        "state its `full_scale`, or `estimate: {{keep: [clipped]}}` if they are real",
+    ),
+    "samples.spike": Template(
+        WARNING,
+        "{count} single samples of {quantities} stand far off their neighbours, the first at "
+        "{first_s:.2f} s",
+        "no sensor's bandwidth lets that pass; they count as lost",
+        "`estimate: {{keep: [spike]}}` if they are real",
+    ),
+    "samples.beyond": Template(
+        WARNING,
+        "{count} samples of {quantities} are beyond what any sensor reads, the first at "
+        "{first_s:.2f} s",
+        "they count as lost",
+        "if all of it is too large, its unit is another one: `--unit`, or `unit` in the mapping",
+    ),
+    "samples.excluded": Template(
+        NOTE,
+        "{count} samples from {first_s:.2f} s on are excluded: {reason}",
+        "they count as lost, as was asked for",
+    ),
+    "samples.dead": Template(
+        WARNING,
+        "its {quantity} reads the same throughout",
+        "it was not recorded, or is dead; nothing is computed from it",
+        "`estimate: {{keep: [stuck]}}`, or `keep: [zeros]`, if that is real",
+    ),
+    "samples.slower": Template(
+        NOTE,
+        "its {quantity} has a new reading in one of {rows:.3g} samples only",
+        "it runs at a lower rate than the recording, and is used where it is new",
+    ),
+}
