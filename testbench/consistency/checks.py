@@ -16,7 +16,7 @@ from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 
-LOWEST_RATE_HZ = 3.0
+LOWEST_RATE_HZ = 1.0
 """Below, a rate is asked about: turns cannot be followed at less."""
 USUAL_RATES_HZ = (8.0, 4_000.0)
 """Rates that a unit of time must lead to."""

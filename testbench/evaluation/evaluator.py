@@ -173,8 +173,11 @@ def _sensor_tables(
         if count and reason.removeprefix("excluded: ") not in told
     ]
     known = {(one.code, one.where) for one in session.manifest.findings}
-    told = [one.at(name) for one in sensor.findings]
-    found += [one for one in told if (one.code, one.where) not in known]
+    found += [
+        own
+        for own in (one.at(name) for one in sensor.findings)
+        if not (own.code.startswith("consistency.") and (own.code, own.where) in known)
+    ]
     samples = session.imu(name, every=sensor.every) if sensor.stored_calibration is None else None
     truth, jumps = sound_truth(session, name)
     if truth is None:
