@@ -65,7 +65,7 @@ def import_files(
         typer.Option(
             "--unit",
             metavar="WHAT=UNIT",
-            help="acc=g, gyr=rad/s, mag=uT: how to read it.",
+            help="acc=g, gyr=rad/s, mag=uT, time=ms: how to read it.",
             rich_help_panel=OPEN_PANEL,
         ),
     ] = None,
@@ -91,7 +91,7 @@ def import_files(
         Path | None,
         typer.Option(
             "--truth",
-            help="A robot's joint log or poses, or orientations.",
+            help="A robot's joint log or poses, orientations, markers or rigid bodies.",
             rich_help_panel=TRUTH_PANEL,
         ),
     ] = None,
@@ -169,9 +169,27 @@ def import_files(
             rich_help_panel=TRUTH_PANEL,
         ),
     ] = None,
+    truth_time_unit: Annotated[
+        str | None,
+        typer.Option(
+            "--truth-time-unit",
+            metavar="UNIT",
+            help="Unit of its times: s, ms, us, ns, min, h, day.",
+            rich_help_panel=TRUTH_PANEL,
+        ),
+    ] = None,
     joint_unit: Annotated[
         JointUnit | None,
         typer.Option("--joint-unit", help="Unit of its joint angles.", rich_help_panel=TRUTH_PANEL),
+    ] = None,
+    truth_cluster: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--truth-cluster",
+            metavar="SENSOR=M1,M2,M3",
+            help="Markers that carry a sensor, three or more; or SENSOR=BODY, a rigid body.",
+            rich_help_panel=TRUTH_PANEL,
+        ),
     ] = None,
     json: JsonOption = False,
 ) -> None:
@@ -181,11 +199,10 @@ def import_files(
     from testbench.pipeline.request import ImportRequest, TruthRequest
 
     described = (robot, link, mounting, dwell, move, truth_rate, joint_unit, calibration_poses)
-    if truth is None and any(described):
+    if truth is None and any((*described, truth_time_unit, truth_cluster)):
         raise InputError(
-            "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate and "
-            "--joint-unit describe the "
-            "file of --truth"
+            "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate, "
+            "--truth-time-unit, --truth-cluster and --joint-unit describe the file of --truth"
         )
     angles: Any = None if joint_unit is None else joint_unit.value
     session = bring_in(
@@ -211,6 +228,8 @@ def import_files(
                 rate_hz=truth_rate,
                 joint_unit=angles,
                 calibration_poses=calibration_poses,
+                time_unit=truth_time_unit,
+                clusters=tuple(truth_cluster or ()),
             ),
         )
     )
@@ -251,12 +270,13 @@ def formats(
     json: JsonOption = False,
 ) -> None:
     """List the file formats that can be imported, the mappings and the axis maps that ship."""
-    from testbench.formats import FORMATS
+    from testbench.formats import FORMATS, TRUTHS
     from testbench.formats.axes import axis_presets
     from testbench.formats.mapping import find_mapping, list_mappings
 
     listings = {
         "formats": {name: entry.line for name, entry in FORMATS.items()},
+        "truths": TRUTHS,
         "mappings": {name: find_mapping(name).value.description for name in list_mappings()},
         "axes": {
             name: f"x: {a.x}, y: {a.y}, z: {a.z}. {a.description}"
@@ -273,6 +293,7 @@ def formats(
         return
     titles = {
         "formats": "Formats",
+        "truths": "Truth from a file of its own (--truth)",
         "mappings": "Mappings of the generic format (--mapping)",
         "axes": "Axis maps (--axes)",
     }

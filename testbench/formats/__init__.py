@@ -115,7 +115,17 @@ FORMATS = {
     ),
 }
 
-
+TRUTHS = {
+    "C3D": "markers (.c3d); tried on files of ezc3d's writer",
+    "TRC": "markers (.trc); tried on files of OpenSim's writer",
+    "Motive": f"markers and rigid bodies of OptiTrack, CSV; {UNTRIED}",
+    "Vicon": f"markers and rigid bodies of Nexus or Tracker, CSV; {UNTRIED}",
+    "Qualisys": f"markers or rigid bodies, TSV; {UNTRIED}",
+    "OpenSim": "orientations of bodies (.sto); tried on files of OpenSim's writer",
+    "ROS": "joint states, transforms, poses in a bag; tried on bags of the writer of rosbags",
+    "table": "orientations (time_s, q_w, q_x, q_y, q_z), or joint angles of a robot (--robot)",
+}
+"""What --truth reads, for people."""
 UNDATED = (
     "the date of the recording is unknown: of several stored calibrations none can be chosen as "
     "the nearest in time, and one made from it bears the date of the import; state it with "

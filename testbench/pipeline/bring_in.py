@@ -56,6 +56,8 @@ def _truth(asked: TruthRequest) -> TruthOptions:
         asked.rate_hz,
         asked.joint_unit,
         asked.calibration_poses,
+        asked.time_unit,
+        _once("--truth-cluster", map(_cluster, asked.clusters)),
     )
 
 
@@ -74,9 +76,15 @@ def _pair(option: str, text: str) -> tuple[str, str]:
     if not equals or not key.strip() or not value.strip():
         raise InputError(
             f"{option} {text}: write it as "
-            f"{'WHAT=UNIT, e.g. acc=g' if option == '--unit' else 'SENSOR=...'}"
+            f"{'WHAT=UNIT, e.g. acc=g or time=ms' if option == '--unit' else 'SENSOR=...'}"
         )
     return key.strip(), value.strip()
+
+
+def _cluster(text: str) -> tuple[str, list[str]]:
+    """Sensor and names, from `SENSOR=M1,M2,M3`."""
+    sensor, names = _pair("--truth-cluster", text)
+    return sensor, [name.strip() for name in names.split(",") if name.strip()]
 
 
 def _placement(text: str) -> tuple[str, Placement]:

@@ -6,17 +6,19 @@ It is a robot's joint log, its commanded poses, or orientations of a reference s
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from testbench.exceptions import InputError
 from testbench.formats.recording import Recording
-from testbench.formats.tables.recognise import find_sensors, find_time
+from testbench.formats.stamps import Stamps
+from testbench.formats.tables.recognise import find_sensors
+from testbench.formats.tables.ros_bag import is_bag, open_bag
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
 from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import TextTable, find_table
-from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
+from testbench.formats.tables.timeline import RegularTime
+from testbench.formats.truth.markers import give_truth, read_tracked
 from testbench.formats.truth.reference import collect, reference_truth
 from testbench.formats.truth.robot_log import (
     commanded_dwells,
@@ -25,6 +27,9 @@ from testbench.formats.truth.robot_log import (
     logged_truth,
     read_robot_log,
 )
+from testbench.formats.truth.ros_truth import give_bag_truth, joint_log
+from testbench.formats.truth.times import later_than_samples_ns, truth_stamps
+from testbench.formats.units import find_unit
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.specs.protocol import Analysis
@@ -52,6 +57,9 @@ class TruthOptions:
         joint_unit: "deg" or "rad", where the log does not say.
         calibration_poses: The first so many commanded poses calibrate the sensors and are not
             judged.
+        time_unit: Of its times, where neither title nor size tell it.
+        clusters: Markers of each sensor, or the one body that carries it, in the file of a motion
+            capture system; frame or topic of a bag of ROS.
     """
 
     file: Path
@@ -64,6 +72,12 @@ class TruthOptions:
     rate: float | None = None
     joint_unit: str | None = None
     calibration_poses: int = 0
+    time_unit: str | None = None
+    clusters: dict[str, list[str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.time_unit is not None:
+            self.time_unit = find_unit("time", self.time_unit).name
 
 
 def attach_truth(recording: Recording, options: TruthOptions) -> None:
@@ -78,13 +92,13 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
         FileProblems: The file is malformed.
     """
     names = list(recording.sensors)
-    for key in (*options.links, *options.mountings):
+    for key in (*options.links, *options.mountings, *options.clusters):
         if key and key not in names:
             raise InputError(
-                f"--link or --mounting names the sensor '{key}'; the recording has "
-                f"{', '.join(names)}"
+                f"--link, --mounting or --truth-cluster names the sensor '{key}'; the recording "
+                f"has {', '.join(names)}"
             )
-    if not options.file.is_file():
+    if not options.file.is_file() and not is_bag(options.file):
         raise InputError(f"--truth {options.file}: the file does not exist")
     notes: list[str] = []
     if options.offset is not None:
@@ -107,6 +121,8 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
 # One piece: most lines check the answers against what the robot's log holds.
 def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -> None:
     assert options.robot is not None
+    if options.clusters:
+        raise InputError("--truth-cluster belongs to markers or bodies; leave it out, or --robot")
     kinematics = Kinematics(load_robot(options.robot))
     missing = [
         name for name in recording.sensors if name not in options.links and "" not in options.links
@@ -117,10 +133,26 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
             f"which link carries {', '.join(missing)}? Answer with --link SENSOR=LINK; links: "
             f"{listing}"
         )
-    log = read_robot_log(
-        options.file, kinematics.robot.joint_names, options.rate, options.joint_unit, notes
+    joints = kinematics.robot.joint_names
+    log = (
+        joint_log(open_bag([options.file]), joints, recording.origin_ns)
+        if is_bag(options.file)
+        else read_robot_log(
+            options.file, joints, options.rate, options.joint_unit, notes, options.time_unit
+        )
     )
+<<<<<<< HEAD
     shift = round((options.offset or 0.0) * NANOSECONDS)
+=======
+    if options.time_unit is not None and (log.time_ns is None or options.rate is not None):
+        raise InputError(f"--truth-time-unit has no effect: no times of {options.file} are used")
+    shift = round(options.offset * NANOSECONDS)
+    recording.findings += [found.at(options.file.name) for found in log.findings]
+    if log.time_ns is not None:
+        later, said = later_than_samples_ns(recording, log.unix_ns, int(log.time_ns[-1]))
+        recording.findings += said
+        shift += later
+>>>>>>> main
     if log.time_ns is None and options.dwell is None:
         raise InputError(
             f"{options.file} has {len(log.q)} joint poses without times: state how long each is "
@@ -167,6 +199,13 @@ def _from_orientations(recording: Recording, options: TruthOptions, notes: list[
             "--dwell, --calibration-poses and --link belong to a robot's log; state the arm with "
             "--robot"
         )
+    if _from_bodies(recording, options, notes):
+        return
+    if options.clusters:
+        raise InputError(
+            f"{options.file} is no export of a motion capture system that this bench knows, and no "
+            "bag of ROS: --truth-cluster has no effect on it"
+        )
     table, _ = find_table(
         options.file,
         _POSES,
@@ -183,15 +222,24 @@ def _from_orientations(recording: Recording, options: TruthOptions, notes: list[
             f"no four columns of a quaternion (q_w, q_x, q_y, q_z); it has {', '.join(table.names)}"
         )
     kinds: dict[str, Kind] = dict.fromkeys(columns, "float")
-    stream = SampleStream(table, kinds, lambda c: _only_q(c, columns), _times(table, options))
+    stamps = _stamps(table, options)
+    stream = SampleStream(table, kinds, lambda c: _only_q(c, columns), stamps.timeline)
     time, q = collect(stream)
+    said = [found.at(options.file.name) for found in (*stamps.findings, *stream.findings())]
+    unix_ns = stream.first_time_ns() if stamps.unix else None
+    later, clock = later_than_samples_ns(recording, unix_ns, int(time[-1]))
+    recording.findings += [*said, *clock]
     for name, sensor in recording.sensors.items():
         mounting = Pose.from_placement(
             options.mountings.get(name, options.mountings.get("", Placement()))
         ).quaternion
         own: list[str] = []
         sensor.truth = reference_truth(
+<<<<<<< HEAD
             time + round((options.offset or 0.0) * NANOSECONDS), q, mounting, None, own
+=======
+            time + later + round(options.offset * NANOSECONDS), q, mounting, None, own
+>>>>>>> main
         )
         notes += [note for note in own if note not in notes]
     notes.append(
@@ -199,22 +247,35 @@ def _from_orientations(recording: Recording, options: TruthOptions, notes: list[
     )
 
 
+def _from_bodies(recording: Recording, options: TruthOptions, notes: list[str]) -> bool:
+    """Each sensor its own markers, body or frame; False if the file holds none of these."""
+    shift = round(options.offset * NANOSECONDS)
+    own, mountings = options.clusters, options.mountings
+    if is_bag(options.file):
+        times = (recording.origin_ns, shift)
+        bag = open_bag([options.file])
+        give_bag_truth(recording.sensors, bag, own, mountings, times, notes)
+        return True
+    tracked = read_tracked(options.file, options.rate)
+    if tracked is None:
+        return False
+    give_truth(recording, tracked, own, mountings, shift, notes)
+    return True
+
+
 def _only_q(columns: Columns, titles: list[str]) -> Quantities:
     return Quantities(None, None, None, stack(columns, titles))
 
 
-def _times(table: TextTable, options: TruthOptions) -> Callable[[], Timeline]:
-    found = find_time(table.names)
-    if options.rate is not None:
-        rate = options.rate
-        return lambda: RegularTime(rate)
-    if found is None:
+def _stamps(table: TextTable, options: TruthOptions) -> Stamps:
+    stamps = truth_stamps(table, options.rate, options.time_unit)
+    if stamps is not None:
+        return stamps
+    if options.time_unit is not None:
+        raise InputError(f"--truth-time-unit has no effect: no times of {options.file} are used")
+    if options.rate is None:
         raise InputError(
             f"{options.file} has no column of times; state its rate with --truth-rate HZ"
         )
-    column, unit = found
-
-    def make() -> Timeline:
-        return StampedTime(column, unit or "s")  # type: ignore[arg-type]
-
-    return make
+    rate = options.rate
+    return Stamps(lambda: RegularTime(rate), [])

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import FileProblems, InputError, Problem
+from testbench.formats.common_clock import share_clock
 from testbench.formats.dates import Recorded, earliest, recorded
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
@@ -142,6 +143,7 @@ def read(files: list[Path], options: Options) -> Recording:
         sensors,
         suitable_analysis(heads),
         notes,
+        share_clock(sensors, None, "their timestamps count since power-up"),
         recorded=earliest(_command_date(folder) for folder in devices),
     )
 
@@ -281,7 +283,7 @@ def _field_unit(table: TextTable, titles: list[str], name: str, notes: list[str]
     if unit.lower() != "a.u.":
         return unit
     rows = first_rows(table, dict.fromkeys(titles, "float"))
-    norms = np.linalg.norm(np.column_stack([rows[title] for title in titles]), axis=1)
+    norms = rotation.lengths(np.column_stack([rows[title] for title in titles]))
     known = norms[np.isfinite(norms)]
     normalised = not len(known) or float(np.median(known)) <= LARGEST_NORMALISED
     notes.append(

@@ -10,6 +10,8 @@ from testbench.records.findings.words import (
     general,
     recording,
     samples,
+    time,
+    tracking,
 )
 from testbench.records.findings.words.template import Template
 
@@ -20,6 +22,8 @@ SUBJECTS: tuple[dict[str, Template], ...] = (
     evaluation.TEMPLATES,
     recording.TEMPLATES,
     samples.TEMPLATES,
+    time.TEMPLATES,
+    tracking.TEMPLATES,
 )
 """The templates by subject, one module each."""
 TEMPLATES: dict[str, Template] = {code: own for part in SUBJECTS for code, own in part.items()}
