@@ -141,18 +141,14 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
             options.file, joints, options.rate, options.joint_unit, notes, options.time_unit
         )
     )
-<<<<<<< HEAD
-    shift = round((options.offset or 0.0) * NANOSECONDS)
-=======
     if options.time_unit is not None and (log.time_ns is None or options.rate is not None):
         raise InputError(f"--truth-time-unit has no effect: no times of {options.file} are used")
-    shift = round(options.offset * NANOSECONDS)
+    shift = round((options.offset or 0.0) * NANOSECONDS)
     recording.findings += [found.at(options.file.name) for found in log.findings]
     if log.time_ns is not None:
         later, said = later_than_samples_ns(recording, log.unix_ns, int(log.time_ns[-1]))
         recording.findings += said
         shift += later
->>>>>>> main
     if log.time_ns is None and options.dwell is None:
         raise InputError(
             f"{options.file} has {len(log.q)} joint poses without times: state how long each is "
@@ -235,11 +231,7 @@ def _from_orientations(recording: Recording, options: TruthOptions, notes: list[
         ).quaternion
         own: list[str] = []
         sensor.truth = reference_truth(
-<<<<<<< HEAD
-            time + round((options.offset or 0.0) * NANOSECONDS), q, mounting, None, own
-=======
-            time + later + round(options.offset * NANOSECONDS), q, mounting, None, own
->>>>>>> main
+            time + later + round((options.offset or 0.0) * NANOSECONDS), q, mounting, None, own
         )
         notes += [note for note in own if note not in notes]
     notes.append(
@@ -249,7 +241,7 @@ def _from_orientations(recording: Recording, options: TruthOptions, notes: list[
 
 def _from_bodies(recording: Recording, options: TruthOptions, notes: list[str]) -> bool:
     """Each sensor its own markers, body or frame; False if the file holds none of these."""
-    shift = round(options.offset * NANOSECONDS)
+    shift = round((options.offset or 0.0) * NANOSECONDS)
     own, mountings = options.clusters, options.mountings
     if is_bag(options.file):
         times = (recording.origin_ns, shift)

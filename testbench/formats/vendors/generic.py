@@ -426,19 +426,14 @@ def _truth(
     like: SampleStream | None = stream
     if spec.file is not None:
         source = open_table(table.file.parent / Path(spec.file).name, spec.text)
-<<<<<<< HEAD
-        timeline = _timeline(place, source, spec.time, spec.rate_hz, None)
-        settings = place.document.value.estimate
-        # who wants no clock fitted says that the times are on one clock
-        same_clock = spec.same_clock or (settings is not None and not settings.align_clock)
-        origin = stream.first_time_ns() if same_clock else None
-=======
         key = "truth.time.unit: UNIT in the mapping"
         asking = Asking(f"{source.file}", flag=key, lowest_hz=LOWEST_OF_TRUTH_HZ)
         stamps = _stamps(place, source, spec.time, spec.rate_hz, None, asking)
         like = None
-        origin = stream.first_time_ns() if spec.same_clock else None
->>>>>>> main
+        settings = place.document.value.estimate
+        # who wants no clock fitted says that the times are on one clock
+        same_clock = spec.same_clock or (settings is not None and not settings.align_clock)
+        origin = stream.first_time_ns() if same_clock else None
     titles = _columns(place.inside("columns"), source, spec.columns)
     marks = (
         _columns(place.inside("judged"), source, [spec.judged]) if spec.judged is not None else []
