@@ -321,6 +321,9 @@ class ImportRequest(Asked):
     recorded_at: str | None = Field(
         default=None, description="When it was recorded, ISO 8601, where the files do not say."
     )
+    encoding: str | None = Field(
+        default=None, description="Of text files, such as `cp1252`; by their first bytes if null."
+    )
     truth: TruthRequest | None = Field(
         default=None, description="Where the truth is, if not there."
     )

@@ -12,6 +12,7 @@ from testbench.estimation.signals.doubtful import (
     CLIPPED,
     CLIPPED_RATE,
     EXCLUDED,
+    NO_UNIT,
     NOT_FINITE,
     SATURATED,
     SPIKE,
@@ -134,7 +135,9 @@ class Inspection:
     def __init__(self, gates: Gates):
         self._gates = gates
         self._after = AfterGaps(), AfterGaps(loses_heading=False)
-        self.counts = dict.fromkeys((SATURATED, NOT_FINITE, STUCK, AFTER_GAP), 0)
+        always = [SATURATED, NOT_FINITE, STUCK, AFTER_GAP]
+        always += [NO_UNIT] if gates.measures("device_q") else []
+        self.counts = dict.fromkeys(always, 0)
         self._first: dict[str, int] = {}
         self._quantities: dict[str, set[str]] = {}
 

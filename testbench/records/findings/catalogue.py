@@ -10,6 +10,7 @@ from testbench.records.findings.words import (
     general,
     recording,
     samples,
+    structure,
     time,
     tracking,
 )
@@ -22,6 +23,7 @@ SUBJECTS: tuple[dict[str, Template], ...] = (
     evaluation.TEMPLATES,
     recording.TEMPLATES,
     samples.TEMPLATES,
+    structure.TEMPLATES,
     time.TEMPLATES,
     tracking.TEMPLATES,
 )
