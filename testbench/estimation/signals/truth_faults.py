@@ -136,11 +136,14 @@ def find_faults(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> Truth
         return TruthFaults(truth, none, none)
     cleaned = truth.q_world_from_sensor.copy()
     cleaned[known[lost]] = np.nan
+    rate = None if truth.rate is None else truth.rate.copy()
+    if rate is not None:
+        rate[known[lost]] = np.nan
     halted = np.zeros(len(known), dtype=bool)
     for first, last in frozen:
         halted[first + 1 : last + 1] = True
     return TruthFaults(
-        replace(truth, q_world_from_sensor=cleaned),
+        replace(truth, q_world_from_sensor=cleaned, rate=rate),
         _samples_of(time_ns, rows, halted),
         _samples_of(time_ns, rows, lost & ~halted),
         findings,
