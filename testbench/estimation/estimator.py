@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from testbench.consistency import check_samples
 from testbench.estimation.alignment.axes import findings_on as axes_findings
 from testbench.estimation.alignment.axes import identify_axes, true_rates
 from testbench.estimation.alignment.frame_alignment import (
@@ -381,7 +382,8 @@ def prepare_sensor(
         calibration = _calibrate(
             run, samples.acc, samples.gyr, time, static & ~quality.flagged, truth
         )
-    findings = [*findings, *quality.findings, *motion.findings]
+    plain = [samples] if stored is None and access.every == 1 else recording.raw.batches()
+    findings = [*findings, *check_samples(plain), *quality.findings, *motion.findings]
     planned = sum(step.role == "calibration" and step.kind != "sweep" for step in run.steps)
     if calibration.method == "static_poses" and calibration.poses < planned:
         left_out = planned - calibration.poses

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from testbench.consistency.evidence import Evidence
 from testbench.exceptions import InputError
 from testbench.formats.any_table import Table
 from testbench.formats.axes import IDENTITY, AxisMap, AxisNames, find_axes
@@ -26,7 +27,7 @@ from testbench.formats.mapping import (
     full_scale_parts,
 )
 from testbench.formats.options import Options
-from testbench.formats.plausibility import Evidence, decide_unit, gather
+from testbench.formats.plausibility import decide_unit, gather
 from testbench.formats.recording import ImportedSensor
 from testbench.formats.stamps import (
     LOWEST_OF_TRUTH_HZ,
@@ -498,7 +499,7 @@ def mapped_sensor(build: Build) -> Mapped:
         )
     open_units = [quantity for quantity, unit in units.items() if unit is None]
     if open_units:
-        factors |= _decided_units(build, open_units, gather(stream, rate))
+        factors |= _decided_units(build, open_units, gather(stream))
     truth = _truth(build, together, stream, axes, truth_titles) if spec.truth else None
     description = spec.description or whole.description
     sensor = ImportedSensor(

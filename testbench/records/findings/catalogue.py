@@ -5,6 +5,7 @@ from __future__ import annotations
 from testbench.records.findings.finding import Finding, Severity, Value
 from testbench.records.findings.words import (
     alignment,
+    consistency,
     estimation,
     evaluation,
     general,
@@ -19,6 +20,7 @@ from testbench.records.findings.words.template import Template
 SUBJECTS: tuple[dict[str, Template], ...] = (
     general.TEMPLATES,
     alignment.TEMPLATES,
+    consistency.TEMPLATES,
     estimation.TEMPLATES,
     evaluation.TEMPLATES,
     recording.TEMPLATES,
