@@ -230,13 +230,14 @@ def _unit(
 
 
 def _usual_step(values: np.ndarray) -> float | None:
-    """Mean time between samples in the unit of the column without gaps; None where none goes on."""
-    steps = np.diff(values[np.isfinite(values)])
-    ahead = steps[steps > 0]
-    if len(steps) < 2 or not len(ahead):
-        return None
-    usual = steps[(steps >= 0) & (steps <= 5 * np.median(ahead))]
-    return float(usual.mean())
+    """Mean time between samples without gaps, in the unit of the column; None where it is none."""
+    with np.errstate(over="ignore"):
+        steps = np.diff(values[np.isfinite(values)])
+        ahead = steps[steps > 0]
+        if len(steps) < 2 or not len(ahead):
+            return None
+        step = float(steps[(steps >= 0) & (steps <= 5 * np.median(ahead))].mean())
+    return step if 1e-12 < step < np.inf else None
 
 
 def _whole(source: Source, column: str) -> bool:
