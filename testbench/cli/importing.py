@@ -41,8 +41,18 @@ def import_files(
             autocompletion=_complete_format,
         ),
     ],
-    files: Annotated[list[Path], typer.Argument(help="Files to read.")],
-    out: Annotated[Path, typer.Option("--out", help="Folder of the session, to be made.")],
+    files: Annotated[list[Path] | None, typer.Argument(help="Files to read.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder of the session, to be made.")
+    ] = None,
+    guess: Annotated[
+        bool,
+        typer.Option(
+            "--guess",
+            help="Import nothing: say which formats and columns fit the files (no FORMAT before "
+            "them), and write a mapping to begin with (to --out, else here).",
+        ),
+    ] = False,
     mapping: Annotated[
         str | None,
         typer.Option(
@@ -87,11 +97,20 @@ def import_files(
             rich_help_panel=OPEN_PANEL,
         ),
     ] = None,
+    encoding: Annotated[
+        str | None,
+        typer.Option(
+            "--encoding",
+            metavar="NAME",
+            help="Of text files: utf-8, utf-16, utf-16-le, utf-16-be, latin-1, cp1252.",
+            rich_help_panel=OPEN_PANEL,
+        ),
+    ] = None,
     truth: Annotated[
         Path | None,
         typer.Option(
             "--truth",
-            help="A robot's joint log or poses, or orientations.",
+            help="A robot's joint log or poses, orientations, markers or rigid bodies.",
             rich_help_panel=TRUTH_PANEL,
         ),
     ] = None,
@@ -152,14 +171,14 @@ def import_files(
         ),
     ] = None,
     truth_offset: Annotated[
-        float,
+        float | None,
         typer.Option(
             "--truth-offset",
             metavar="S",
-            help="Added to the log's times.",
+            help="Added to the truth's times; else found by the motion.",
             rich_help_panel=TRUTH_PANEL,
         ),
-    ] = 0.0,
+    ] = None,
     truth_rate: Annotated[
         float | None,
         typer.Option(
@@ -182,6 +201,15 @@ def import_files(
         JointUnit | None,
         typer.Option("--joint-unit", help="Unit of its joint angles.", rich_help_panel=TRUTH_PANEL),
     ] = None,
+    truth_cluster: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--truth-cluster",
+            metavar="SENSOR=M1,M2,M3",
+            help="Markers that carry a sensor, three or more; or SENSOR=BODY, a rigid body.",
+            rich_help_panel=TRUTH_PANEL,
+        ),
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Turn a foreign recording into a session."""
@@ -189,11 +217,18 @@ def import_files(
     from testbench.pipeline.bring_in import bring_in
     from testbench.pipeline.request import ImportRequest, TruthRequest
 
+    if guess:
+        _guess([Path(format_name), *(files or [])], out, json)
+        return
+    if not files:
+        raise InputError(f"no files were given to read with the format {format_name}")
+    if out is None:
+        raise InputError("--out SESSION is missing: the folder of the session, to be made")
     described = (robot, link, mounting, dwell, move, truth_rate, joint_unit, calibration_poses)
-    if truth is None and (any(described) or truth_time_unit):
+    if truth is None and any((*described, truth_time_unit, truth_cluster)):
         raise InputError(
             "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate, "
-            "--truth-time-unit and --joint-unit describe the file of --truth"
+            "--truth-time-unit, --truth-cluster and --joint-unit describe the file of --truth"
         )
     angles: Any = None if joint_unit is None else joint_unit.value
     session = bring_in(
@@ -206,6 +241,7 @@ def import_files(
             units=tuple(unit or ()),
             axes=axes,
             recorded_at=recorded_at,
+            encoding=encoding,
             truth=None
             if truth is None
             else TruthRequest(
@@ -220,10 +256,36 @@ def import_files(
                 joint_unit=angles,
                 calibration_poses=calibration_poses,
                 time_unit=truth_time_unit,
+                clusters=tuple(truth_cluster or ()),
             ),
         )
     )
     _say_imported(session, json)
+
+
+def _guess(files: list[Path], out: Path | None, json: bool) -> None:
+    """Say what files seem to be."""
+    from testbench.pipeline.bring_in import guess_mapping
+
+    found = guess_mapping(map(str, files), None if out is None else str(out))
+    names = " ".join(map(str, files))
+    if json:
+        say_json(
+            {
+                "formats": found.formats,
+                "seen": found.seen,
+                "mapping": None if found.mapping is None else str(found.mapping),
+            }
+        )
+        return
+    for name, what in found.formats.items():
+        say(f"format {name}: {what}")
+        say(f"  testbench import {name} {names} --out SESSION")
+    for sentence in found.seen:
+        say(sentence)
+    if found.mapping is not None:
+        say(f"mapping: {found.mapping}")
+        say(f"  testbench import generic {names} --mapping {found.mapping} --out SESSION")
 
 
 def _say_imported(session: Session, json: bool) -> None:
@@ -260,12 +322,13 @@ def formats(
     json: JsonOption = False,
 ) -> None:
     """List the file formats that can be imported, the mappings and the axis maps that ship."""
-    from testbench.formats import FORMATS
+    from testbench.formats import FORMATS, TRUTHS
     from testbench.formats.axes import axis_presets
     from testbench.formats.mapping import find_mapping, list_mappings
 
     listings = {
         "formats": {name: entry.line for name, entry in FORMATS.items()},
+        "truths": TRUTHS,
         "mappings": {name: find_mapping(name).value.description for name in list_mappings()},
         "axes": {
             name: f"x: {a.x}, y: {a.y}, z: {a.z}. {a.description}"
@@ -282,6 +345,7 @@ def formats(
         return
     titles = {
         "formats": "Formats",
+        "truths": "Truth from a file of its own (--truth)",
         "mappings": "Mappings of the generic format (--mapping)",
         "axes": "Axis maps (--axes)",
     }

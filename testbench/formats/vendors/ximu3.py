@@ -119,7 +119,10 @@ def read(files: list[Path], options: Options) -> Recording:
     notes: list[str] = []
     for file in _expanded(files, notes):
         table, _ = find_table(
-            file, _HEADER, "an x-IMU3 CSV (its header begins with Timestamp (us))"
+            file,
+            _HEADER,
+            "an x-IMU3 CSV (its header begins with Timestamp (us))",
+            encoding=options.encoding_or(None),
         )
         kind = _kind(table)
         tables = devices.setdefault(file.resolve().parent, {})
@@ -283,7 +286,7 @@ def _field_unit(table: TextTable, titles: list[str], name: str, notes: list[str]
     if unit.lower() != "a.u.":
         return unit
     rows = first_rows(table, dict.fromkeys(titles, "float"))
-    norms = np.linalg.norm(np.column_stack([rows[title] for title in titles]), axis=1)
+    norms = rotation.lengths(np.column_stack([rows[title] for title in titles]))
     known = norms[np.isfinite(norms)]
     normalised = not len(known) or float(np.median(known)) <= LARGEST_NORMALISED
     notes.append(
