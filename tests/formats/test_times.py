@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -117,7 +118,8 @@ def test_a_time_without_a_unit_is_read_by_its_size(table, xyz, motion, load):
 
 @pytest.mark.parametrize("name", ["mti_mat", "imu_tk", "shimmer", "ngimu", "xsens_dot", "mtw"])
 def test_every_format_takes_an_answer_on_its_time(name, table, xyz, motion, load, tmp_path):
-    m = motion(400)
+    m, noise = motion(400), np.random.default_rng(7).normal(0, 0.002, (400, 3))
+    m = replace(m, acc=m.acc + noise, gyr=m.gyr + noise[::-1])
     ms = np.round(m.t * 1000).astype(int)
     acc, gyr = xyz("Acc_{}", m.acc), xyz("Gyr_{}", m.gyr)
     if name == "mti_mat":
