@@ -28,7 +28,11 @@ MOST_STEPS = 120 * STRETCH_STEPS
 ABSURD = 1e9
 """A number beyond this is no reading in any unit; the mean of any with one is not used, either."""
 STUCK = 4
-"""So many repetitions of all readings in a row are no measurement."""
+"""So many repetitions of all readings in a row are no measurement, if the sensor seems to turn: a
+coarse one at rest, or one without noise, repeats itself.
+"""
+SPARSE = 17
+"""One of so many samples tells the usual rate."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class Excerpt:
     Attributes:
         time_ns: Of the first sample of each step, shape (n,), int64.
         gyr: Shape (n, 3), as read.
-        acc: Shape (n, 3), as read.
+        acc: Likewise of the accelerometer, shape (n, 3).
         mag: Of the middle sample of each step, shape (n, 3), as read, or None.
         device_q: Of the middle sample of each step, shape (n, 4), or None.
         samples: Averaged to a step.
@@ -86,10 +90,15 @@ class Thinner:
     def _steps(self, chunk: ImuSamples, count: int) -> dict[str, np.ndarray]:
         each = self._each
         size = count * each
+        some = chunk.gyr[:size][::SPARSE]
+        some = some[(np.abs(some) < ABSURD).all(axis=1)]
+        usual = some.mean(axis=0) if len(some) else np.zeros(3)
         gyr, acc, zeros = _means(
             np.ascontiguousarray(chunk.gyr[:size], dtype=float),
             np.ascontiguousarray(chunk.acc[:size], dtype=float),
             each,
+            usual,
+            float(np.sum((some - usual) ** 2, axis=1).mean()) / 4 if len(some) else 0.0,
         )
         self._zeros += int(zeros)
         self._count += size
@@ -180,9 +189,10 @@ def _usual(steps: np.ndarray, over: int) -> float:
 
 
 @njit(cache=True)
-def _means(gyr, acc, each):  # type: ignore[no-untyped-def]
+def _means(gyr, acc, each, usual, far):  # type: ignore[no-untyped-def]
     """Means over each so many rows, NaN where a row is no measurement, and the number of rows whose
-    accelerometer alone is exactly zero. A triad that is not there is NaN throughout.
+    accelerometer alone is exactly zero. A triad that is not there is NaN throughout. A rate turns
+    if the square of its distance from the usual one is beyond `far`.
     """
     count = len(gyr) // each
     rates, forces = np.empty((count, 3)), np.empty((count, 3))
@@ -202,7 +212,12 @@ def _means(gyr, acc, each):  # type: ignore[no-untyped-def]
                 forces[step, k] += acc[row, k] / each if abs(acc[row, k]) < ABSURD else np.nan
             zeros += weightless and not still
             same = same + 1 if repeated else 0
-            dead |= (still and weightless) or same >= STUCK
+            if same >= STUCK:
+                off = 0.0
+                for k in range(3):
+                    off += (gyr[row, k] - usual[k]) ** 2
+                dead |= off > far
+            dead |= still and weightless
         for k in range(3):
             if dead or np.isnan(rates[step].sum()):
                 rates[step, k] = np.nan
