@@ -28,11 +28,11 @@ MOST_STEPS = 120 * STRETCH_STEPS
 ABSURD = 1e9
 """A number beyond this is no reading in any unit; the mean of any with one is not used, either."""
 STUCK = 4
-"""So many repetitions of all readings in a row are no measurement ..."""
-LIVELY = 0.1
-"""... where they turn by more than this part of what is quick in the chunk (90 % quantile)."""
-LOOKED_AT = 2000
-"""Rates of a chunk that tell what is quick in it."""
+"""So many repetitions of all readings in a row are no measurement, if the sensor seems to turn: a
+coarse one at rest, or one without noise, repeats itself.
+"""
+SPARSE = 17
+"""One of so many samples tells the usual rate."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Excerpt:
     Attributes:
         time_ns: Of the first sample of each step, shape (n,), int64.
         gyr: Shape (n, 3), as read.
-        acc: Shape (n, 3), as read.
+        acc: Likewise of the accelerometer, shape (n, 3).
         mag: Of the middle sample of each step, shape (n, 3), as read, or None.
         device_q: Of the middle sample of each step, shape (n, 4), or None.
         samples: Averaged to a step.
@@ -90,11 +90,15 @@ class Thinner:
     def _steps(self, chunk: ImuSamples, count: int) -> dict[str, np.ndarray]:
         each = self._each
         size = count * each
+        some = chunk.gyr[:size][::SPARSE]
+        some = some[(np.abs(some) < ABSURD).all(axis=1)]
+        usual = some.mean(axis=0) if len(some) else np.zeros(3)
         gyr, acc, zeros = _means(
             np.ascontiguousarray(chunk.gyr[:size], dtype=float),
             np.ascontiguousarray(chunk.acc[:size], dtype=float),
             each,
-            LIVELY * _quick(chunk.gyr),
+            usual,
+            float(np.sum((some - usual) ** 2, axis=1).mean()) / 4 if len(some) else 0.0,
         )
         self._zeros += int(zeros)
         self._count += size
@@ -184,22 +188,11 @@ def _usual(steps: np.ndarray, over: int) -> float:
     return float(np.median(steps[: count * over].reshape(count, over).mean(axis=1)))
 
 
-def _quick(gyr: np.ndarray) -> float:
-    """The 90 % quantile of the rates' norm, in their own unit; 0 where there are none.
-
-    Args:
-        gyr: Shape (n, 3), in any unit.
-    """
-    some = gyr[:: max(len(gyr) // LOOKED_AT, 1)]
-    some = some[(np.abs(some) < ABSURD).all(axis=1)]
-    return float(np.quantile(np.linalg.norm(some, axis=1), 0.9)) if len(some) else 0.0
-
-
 @njit(cache=True)
-def _means(gyr, acc, each, lively):  # type: ignore[no-untyped-def]
+def _means(gyr, acc, each, usual, far):  # type: ignore[no-untyped-def]
     """Means over each so many rows, NaN where a row is no measurement, and the number of rows whose
-    accelerometer alone is exactly zero. A triad that is not there is NaN throughout. Repeated rows
-    are none where they turn by `lively` or more; a rest without noise repeats itself, too.
+    accelerometer alone is exactly zero. A triad that is not there is NaN throughout. A rate turns
+    if the square of its distance from the usual one is beyond `far`.
     """
     count = len(gyr) // each
     rates, forces = np.empty((count, 3)), np.empty((count, 3))
@@ -211,9 +204,7 @@ def _means(gyr, acc, each, lively):  # type: ignore[no-untyped-def]
         for row in range(step * each, (step + 1) * each):
             repeated = row > 0
             still = weightless = True
-            turning = 0.0
             for k in range(3):
-                turning += gyr[row, k] ** 2
                 still &= gyr[row, k] == 0
                 weightless &= acc[row, k] == 0
                 repeated &= gyr[row, k] == gyr[row - 1, k] and acc[row, k] == acc[row - 1, k]
@@ -221,7 +212,12 @@ def _means(gyr, acc, each, lively):  # type: ignore[no-untyped-def]
                 forces[step, k] += acc[row, k] / each if abs(acc[row, k]) < ABSURD else np.nan
             zeros += weightless and not still
             same = same + 1 if repeated else 0
-            dead |= (still and weightless) or (same >= STUCK and turning > lively**2)
+            if same >= STUCK:
+                off = 0.0
+                for k in range(3):
+                    off += (gyr[row, k] - usual[k]) ** 2
+                dead |= off > far
+            dead |= still and weightless
         for k in range(3):
             if dead or np.isnan(rates[step].sum()):
                 rates[step, k] = np.nan

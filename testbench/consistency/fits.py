@@ -67,7 +67,7 @@ def is_clear(worse: np.ndarray, better: np.ndarray, independent: float) -> bool:
 
     Args:
         worse: Logarithms of the scatter, shape (w,).
-        better: Likewise of the other.
+        better: Likewise of the other, shape (w,).
         independent: How many windows that do not overlap would say as much.
     """
     beyond = worse - better
@@ -101,16 +101,23 @@ class Pair:
             vectors: Of the accelerometer or magnetometer, shape (n, 3).
             seconds: Of a step.
         """
-        pairs = []
-        for together in BINS:
-            windows = find_windows(excerpt, vectors, seconds, together)
-            if len(windows.starts) < LEAST_WINDOWS:
-                continue
-            length = np.linalg.norm(vectors[windows.steps[:, ::7].ravel()], axis=1)
-            usual = float(np.median(length))
-            if usual > 0:
-                pairs.append(Pair(excerpt.gyr, vectors, windows, usual))
-        return pairs[0] if len(pairs) == 1 else max(pairs, key=Pair.contrast, default=None)
+        pairs = [Pair._within(excerpt, vectors, seconds, bins) for bins in BINS]
+        longer = [pair for pair in pairs if pair is not None]
+        if not longer:
+            return Pair._within(excerpt, vectors, seconds, 1)
+        return longer[0] if len(longer) == 1 else max(longer, key=Pair.contrast)
+
+    @staticmethod
+    def _within(
+        excerpt: Excerpt, vectors: np.ndarray, seconds: float, together: int
+    ) -> Pair | None:
+        """In windows whose blocks have so many bins; None if there are too few."""
+        windows = find_windows(excerpt, vectors, seconds, together)
+        if len(windows.starts) < LEAST_WINDOWS:
+            return None
+        length = np.linalg.norm(vectors[windows.steps[:, ::7].ravel()], axis=1)
+        usual = float(np.median(length))
+        return Pair(excerpt.gyr, vectors, windows, usual) if usual > 0 else None
 
     def contrast(self) -> float:
         """How far apart the fits of the maps are."""
@@ -152,14 +159,23 @@ class Pair:
     def scatter(
         self, scale: float = 1.0, bias: np.ndarray | None = None, maps: np.ndarray = MAPS
     ) -> Scatter:
-        """How far the vectors scatter by each reading; see `blocks`."""
+        """How far the vectors scatter by each reading.
+
+        Args:
+            scale: Rates are taken so many times.
+            bias: Taken off the rates first, shape (3,) [rad/s].
+            maps: True rates are each of these times the rates read, shape (r, 3, 3).
+        """
         return self.scatter_of(self.blocks(scale, bias, maps))
 
     def scatter_of(self, blocks: np.ndarray) -> Scatter:
-        """How far means of blocks scatter, shape (r, w, BLOCKS, 3).
+        """How far means of blocks scatter.
 
         That is a part of the mean vector, whose length is that of gravity only if nothing smears:
         too fast a turning would else make all means small, and alike.
+
+        Args:
+            blocks: As `blocks` gives them, shape (r, w, BLOCKS, 3).
         """
         mean = blocks.mean(axis=2)
         left = ((blocks - mean[:, :, None]) ** 2).sum(axis=3).mean(axis=2)

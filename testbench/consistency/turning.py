@@ -25,7 +25,8 @@ BIN_S = 0.5
 """Windows begin at a bin."""
 BINS = (2, 4)
 """Bins of a block. In 1 s, what a person's stride takes, linear accelerations mostly average out;
-slow ones, of something carried about, need longer, and a gyroscope that drifts shorter.
+slow ones, of something carried about, need longer, and a gyroscope that drifts shorter. Recordings
+of a few seconds make do with one bin.
 """
 BLOCKS = 5
 """Blocks of a window."""
@@ -221,7 +222,7 @@ def read_as(mixed: np.ndarray, mirrored: np.ndarray, maps: np.ndarray) -> np.nda
 
     Args:
         mixed: Sums for the rates as read, shape (w, b, 3, 3, 3).
-        mirrored: Those for the negative rates.
+        mirrored: Those for the negative rates, shape (w, b, 3, 3, 3).
         maps: Each P, shape (p, 3, 3).
 
     Returns:
