@@ -110,7 +110,7 @@ def import_files(
         Path | None,
         typer.Option(
             "--truth",
-            help="A robot's joint log or poses, or orientations.",
+            help="A robot's joint log or poses, orientations, markers or rigid bodies.",
             rich_help_panel=TRUTH_PANEL,
         ),
     ] = None,
@@ -171,14 +171,14 @@ def import_files(
         ),
     ] = None,
     truth_offset: Annotated[
-        float,
+        float | None,
         typer.Option(
             "--truth-offset",
             metavar="S",
-            help="Added to the log's times.",
+            help="Added to the truth's times; else found by the motion.",
             rich_help_panel=TRUTH_PANEL,
         ),
-    ] = 0.0,
+    ] = None,
     truth_rate: Annotated[
         float | None,
         typer.Option(
@@ -201,6 +201,15 @@ def import_files(
         JointUnit | None,
         typer.Option("--joint-unit", help="Unit of its joint angles.", rich_help_panel=TRUTH_PANEL),
     ] = None,
+    truth_cluster: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--truth-cluster",
+            metavar="SENSOR=M1,M2,M3",
+            help="Markers that carry a sensor, three or more; or SENSOR=BODY, a rigid body.",
+            rich_help_panel=TRUTH_PANEL,
+        ),
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Turn a foreign recording into a session."""
@@ -216,10 +225,10 @@ def import_files(
     if out is None:
         raise InputError("--out SESSION is missing: the folder of the session, to be made")
     described = (robot, link, mounting, dwell, move, truth_rate, joint_unit, calibration_poses)
-    if truth is None and (any(described) or truth_time_unit):
+    if truth is None and any((*described, truth_time_unit, truth_cluster)):
         raise InputError(
             "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate, "
-            "--truth-time-unit and --joint-unit describe the file of --truth"
+            "--truth-time-unit, --truth-cluster and --joint-unit describe the file of --truth"
         )
     angles: Any = None if joint_unit is None else joint_unit.value
     session = bring_in(
@@ -247,6 +256,7 @@ def import_files(
                 joint_unit=angles,
                 calibration_poses=calibration_poses,
                 time_unit=truth_time_unit,
+                clusters=tuple(truth_cluster or ()),
             ),
         )
     )
@@ -312,12 +322,13 @@ def formats(
     json: JsonOption = False,
 ) -> None:
     """List the file formats that can be imported, the mappings and the axis maps that ship."""
-    from testbench.formats import FORMATS
+    from testbench.formats import FORMATS, TRUTHS
     from testbench.formats.axes import axis_presets
     from testbench.formats.mapping import find_mapping, list_mappings
 
     listings = {
         "formats": {name: entry.line for name, entry in FORMATS.items()},
+        "truths": TRUTHS,
         "mappings": {name: find_mapping(name).value.description for name in list_mappings()},
         "axes": {
             name: f"x: {a.x}, y: {a.y}, z: {a.z}. {a.description}"
@@ -334,6 +345,7 @@ def formats(
         return
     titles = {
         "formats": "Formats",
+        "truths": "Truth from a file of its own (--truth)",
         "mappings": "Mappings of the generic format (--mapping)",
         "axes": "Axis maps (--axes)",
     }

@@ -115,7 +115,17 @@ FORMATS = {
     ),
 }
 
-
+TRUTHS = {
+    "C3D": "markers (.c3d); tried on files of ezc3d's writer",
+    "TRC": "markers (.trc); tried on files of OpenSim's writer",
+    "Motive": f"markers and rigid bodies of OptiTrack, CSV; {UNTRIED}",
+    "Vicon": f"markers and rigid bodies of Nexus or Tracker, CSV; {UNTRIED}",
+    "Qualisys": f"markers or rigid bodies, TSV; {UNTRIED}",
+    "OpenSim": "orientations of bodies (.sto); tried on files of OpenSim's writer",
+    "ROS": "joint states, transforms, poses in a bag; tried on bags of the writer of rosbags",
+    "table": "orientations (time_s, q_w, q_x, q_y, q_z), or joint angles of a robot (--robot)",
+}
+"""What --truth reads, for people."""
 UNDATED = (
     "the date of the recording is unknown: of several stored calibrations none can be chosen as "
     "the nearest in time, and one made from it bears the date of the import; state it with "
@@ -150,7 +160,6 @@ def import_recording(
     from testbench.formats.axes import find_axes
     from testbench.formats.dates import earliest, recorded_in_name, stated_date
     from testbench.formats.options import Options
-    from testbench.formats.plausibility import check_units
     from testbench.formats.recording import write_recording
     from testbench.formats.remap import remap_axes
     from testbench.formats.signatures import with_other_format
@@ -165,6 +174,7 @@ def import_recording(
     except FileProblems as error:
         raise with_other_format(error, name) from None
     options.check_all_used(name)
+    recording.answered = frozenset(options.units)
     recording.recorded = (
         stated or recording.recorded or earliest(recorded_in_name(file) for file in files)
     )
@@ -174,7 +184,6 @@ def import_recording(
         head = sensor.head()
         if head is None or not len(head):
             raise FileProblems(files[0], [Problem(f"sensor '{key}' has no samples")])
-        recording.notes += check_units(head, sensor.rate, key, options)
     if options.axes is not None:
         remap_axes(recording, find_axes(options.axes), options.axes)
     if truth is not None:

@@ -15,13 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from testbench.consistency.evidence import Evidence
 from testbench.exceptions import BenchError, FileProblems, InputError
 from testbench.formats import FORMATS
 from testbench.formats.any_table import Table, kind_of, open_table
 from testbench.formats.mapping import TextLayout
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
-from testbench.formats.plausibility import Evidence, gather, units_that_fit
+from testbench.formats.plausibility import gather, unit_that_fits
 from testbench.formats.signatures import likely_format
 from testbench.formats.tables.array_table import ArrayTable
 from testbench.formats.tables.parquet_table import ParquetTable
@@ -30,6 +31,7 @@ from testbench.formats.tables.text_table import TextTable
 from testbench.formats.text_layout import find_layout, numeric_columns
 from testbench.formats.titles import in_order, read_title, unit_of
 from testbench.formats.units import SECONDS
+from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.session.samples import ImuSamples
 
@@ -290,9 +292,7 @@ def _by_values(seen: Seen) -> dict[str, dict[str, Quantity]]:
         if set(acc) & set(gyr):
             continue
         evidence = _evidence(seen, acc, gyr, rate)
-        if units_that_fit("acc", evidence) and (
-            units_that_fit("gyr", evidence) or (time is None and (evidence.slope or 0) > 0)
-        ):
+        if unit_that_fits("acc", evidence) and unit_that_fits("gyr", evidence):
             return {
                 "": {
                     kind: Quantity([_column(seen, name) for name in triad], triad)
@@ -318,10 +318,10 @@ def _evidence(seen: Seen, acc: list[str], gyr: list[str] | None, rate: float) ->
     if gyr is not None and len(seen.values[gyr[0]]) == len(a):
         w = np.column_stack([seen.values[name] for name in gyr])
     count = np.arange(len(a))
+    time_ns = np.round(count * (NANOSECONDS / rate)).astype(np.int64)
     still = np.zeros(len(a), dtype=bool)
-    samples = ImuSamples(count, count, w, a, None, None, count, still)
     with np.errstate(all="ignore"):
-        return gather([samples], rate)
+        return gather([ImuSamples(time_ns, time_ns, w, a, None, None, count, still)])
 
 
 def _time_of(seen: Seen, among: Sequence[str]) -> Time | None:
@@ -502,7 +502,8 @@ def _unit(
             if low <= norm <= high:
                 return unit, f"a strength of {norm:.4g} fits it"
         return "au", f"a strength of {norm:.4g} fits no unit: only its direction is used"
-    fitting = [] if evidence is None else [u.name for u in units_that_fit(kind, evidence)]
+    by_numbers = None if evidence is None else unit_that_fits(kind, evidence)
+    fitting = [] if by_numbers is None else [by_numbers.name]
     if written is not None and (not fitting or written in fitting):
         return written, "by its titles"
     if len(fitting) == 1:

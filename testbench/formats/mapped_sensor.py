@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from testbench.consistency.evidence import Evidence
 from testbench.exceptions import InputError
 from testbench.formats.any_table import Table
 from testbench.formats.axes import IDENTITY, AxisMap, AxisNames, find_axes
@@ -26,7 +27,7 @@ from testbench.formats.mapping import (
     full_scale_parts,
 )
 from testbench.formats.options import Options
-from testbench.formats.plausibility import Evidence, decide_unit, gather
+from testbench.formats.plausibility import decide_unit, gather
 from testbench.formats.recording import ImportedSensor
 from testbench.formats.stamps import (
     LOWEST_OF_TRUTH_HZ,
@@ -498,7 +499,7 @@ def mapped_sensor(build: Build) -> Mapped:
         )
     open_units = [quantity for quantity, unit in units.items() if unit is None]
     if open_units:
-        factors |= _decided_units(build, open_units, gather(stream, rate))
+        factors |= _decided_units(build, open_units, gather(stream))
     truth = _truth(build, together, stream, axes, truth_titles) if spec.truth else None
     description = spec.description or whole.description
     sensor = ImportedSensor(
@@ -587,6 +588,8 @@ def _details(
         details["full_scale"] = full_scale
     if build.spec.sampling == "integrated":
         details |= {"sampling": "integrated", "rate_delay_s": 0.5 / rate}
+    if build.spec.truth is not None and build.spec.truth.world != "z_up":
+        details["truth_world"] = build.spec.truth.world
     return details
 
 
@@ -652,7 +655,10 @@ def _truth(
         asking = Asking(f"{table.file}", flag=key, lowest_hz=LOWEST_OF_TRUTH_HZ)
         stamps = stamps_of(place, table, spec.time, spec.rate_hz, None, asking)
         like = None
-        origin = stream.first_time_ns() if spec.same_clock else None
+        settings = place.document.value.estimate
+        # who wants no clock fitted says that the times are on one clock
+        same_clock = spec.same_clock or (settings is not None and not settings.align_clock)
+        origin = stream.first_time_ns() if same_clock else None
         titles = _truth_titles(place, spec, table)
     else:
         build.notice("structure.truth_in_rows")

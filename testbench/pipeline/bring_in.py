@@ -99,6 +99,7 @@ def _truth(asked: TruthRequest) -> TruthOptions:
         asked.joint_unit,
         asked.calibration_poses,
         asked.time_unit,
+        _once("--truth-cluster", map(_cluster, asked.clusters)),
     )
 
 
@@ -120,6 +121,12 @@ def _pair(option: str, text: str) -> tuple[str, str]:
             f"{'WHAT=UNIT, e.g. acc=g or time=ms' if option == '--unit' else 'SENSOR=...'}"
         )
     return key.strip(), value.strip()
+
+
+def _cluster(text: str) -> tuple[str, list[str]]:
+    """Sensor and names, from `SENSOR=M1,M2,M3`."""
+    sensor, names = _pair("--truth-cluster", text)
+    return sensor, [name.strip() for name in names.split(",") if name.strip()]
 
 
 def _placement(text: str) -> tuple[str, Placement]:

@@ -280,7 +280,9 @@ class TruthRequest(Asked):
     move_s: float | None = Field(
         default=None, description="How long each move takes [s]; found in the samples if null."
     )
-    offset_s: float = Field(default=0.0, description="Added to the file's times [s].")
+    offset_s: float | None = Field(
+        default=None, description="Added to the file's times [s]; null: found by the motion."
+    )
     rate_hz: float | None = Field(default=None, description="Of a log without times [Hz].")
     joint_unit: Literal["deg", "rad"] | None = Field(
         default=None, description="Of the log's joint angles, where it does not say."
@@ -292,6 +294,11 @@ class TruthRequest(Asked):
     )
     time_unit: str | None = Field(
         default=None, description="Of its times, where neither their title nor their size tell it."
+    )
+    clusters: tuple[str, ...] = Field(
+        default=(),
+        description="Markers that carry the sensors, each `SENSOR=M1,M2,M3`; or `SENSOR=BODY`, a "
+        "rigid body, a frame or a topic of poses.",
     )
 
 

@@ -25,7 +25,11 @@ class Ros:
     def of(cls, ros1: bool) -> Ros:
         typesys = pytest.importorskip("rosbags.typesys")
         stores = typesys.Stores
-        return cls(typesys.get_typestore(stores.ROS1_NOETIC if ros1 else stores.ROS2_HUMBLE), ros1)
+        store = typesys.get_typestore(stores.ROS1_NOETIC if ros1 else stores.ROS2_HUMBLE)
+        if ros1:  # its packages of messages do not have the transforms
+            text, kind = "geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"
+            store.register(typesys.get_types_from_msg(text, kind))
+        return cls(store, ros1)
 
     def make(self, kind: str, *values: Any) -> Any:
         return self.store.types[kind](*values)

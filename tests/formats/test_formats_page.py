@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from testbench.formats import FORMATS
+from testbench.formats import FORMATS, TRUTHS, UNTRIED
 from testbench.formats.axes import axis_presets
 from testbench.formats.mapping import MappingSpec, list_mappings
 from testbench.formats.units import QUANTITIES, unit_names
@@ -44,7 +44,7 @@ def test_everything_that_can_be_asked_for_is_on_the_page():
         "--dwell",
         "--move",
     ]
-    options += ["--encoding", "--truth-offset", "--truth-rate", "--joint-unit"]
+    options += ["--encoding", "--truth-offset", "--truth-rate", "--truth-cluster", "--joint-unit"]
     assert [name for name in wanted + options if name not in PAGE] == []
     parts = MappingSpec.model_json_schema()["$defs"]
     keys = {
@@ -74,3 +74,10 @@ def test_everything_that_can_be_asked_for_is_on_the_page():
         "z",
     }
     assert [key for key in keys - theirs if key not in PAGE] == []
+
+
+def test_every_format_says_what_it_was_tried_on_or_that_it_was_not():
+    for name, entry in FORMATS.items():
+        assert entry.line.endswith((f"tried on {entry.tried}", UNTRIED)), name
+        assert f"`{name}`" in PAGE.partition("### What was verified")[2], name
+    assert all("tried on" in line for name, line in TRUTHS.items() if name != "table")

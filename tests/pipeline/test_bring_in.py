@@ -31,3 +31,13 @@ def test_a_unit_is_stated_once(tmp_path) -> None:
     )
     with pytest.raises(InputError, match="--unit is given twice for acc"):
         bring_in(asked)
+
+
+def test_the_markers_of_a_sensor_are_named_once(tmp_path) -> None:
+    clusters = ("foot=M1,M2, M3", "foot=M4,M5,M6")
+    truth = TruthRequest(file=tmp_path / "walk.c3d", clusters=clusters)
+    asked = ImportRequest(
+        format="generic", files=(tmp_path / "imu.csv",), out=tmp_path / "session", truth=truth
+    )
+    with pytest.raises(InputError, match="--truth-cluster is given twice for foot"):
+        bring_in(asked)

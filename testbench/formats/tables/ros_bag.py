@@ -21,7 +21,7 @@ from testbench.frames import NANOSECONDS
 IMU = "sensor_msgs/msg/Imu"
 MAGNETIC_FIELD = "sensor_msgs/msg/MagneticField"
 JOINT_STATE = "sensor_msgs/msg/JointState"
-TRANSFORMS = "tf2_msgs/msg/TFMessage"
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 POSES = (
     "geometry_msgs/msg/PoseStamped",
     "geometry_msgs/msg/PoseWithCovarianceStamped",
@@ -116,9 +116,14 @@ class Bag:
         Raises:
             FileProblems: A file or a message is damaged.
         """
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         store = get_typestore(Stores.ROS1_NOETIC if self.ros1 else Stores.ROS2_HUMBLE)
+        for kind in TRANSFORMS:
+            if kind not in store.types:
+                store.register(
+                    get_types_from_msg("geometry_msgs/TransformStamped[] transforms", kind)
+                )
         decode = store.deserialize_ros1 if self.ros1 else store.deserialize_cdr
         for topic, time, data in self.raw(topics):
             try:

@@ -13,10 +13,12 @@ from testbench.exceptions import InputError
 from testbench.formats.recording import Recording
 from testbench.formats.stamps import Stamps
 from testbench.formats.tables.recognise import find_sensors
+from testbench.formats.tables.ros_bag import is_bag, open_bag
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
 from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import TextTable, find_table
 from testbench.formats.tables.timeline import RegularTime
+from testbench.formats.truth.markers import give_truth, read_tracked
 from testbench.formats.truth.reference import collect, reference_truth
 from testbench.formats.truth.robot_log import (
     commanded_dwells,
@@ -25,6 +27,7 @@ from testbench.formats.truth.robot_log import (
     logged_truth,
     read_robot_log,
 )
+from testbench.formats.truth.ros_truth import give_bag_truth, joint_log
 from testbench.formats.truth.times import later_than_samples_ns, truth_stamps
 from testbench.formats.units import find_unit
 from testbench.frames import NANOSECONDS
@@ -49,12 +52,14 @@ class TruthOptions:
         mountings: Sensor in the link, or in the body whose orientation the file holds ("" for all).
         dwell: How long each commanded pose is held [s].
         move: How long each move takes [s]; None: found in the samples.
-        offset: Added to the file's times [s].
+        offset: Added to the file's times [s]; None where nobody knows when the file began.
         rate: Of a log without times [Hz].
         joint_unit: "deg" or "rad", where the log does not say.
         calibration_poses: The first so many commanded poses calibrate the sensors and are not
             judged.
         time_unit: Of its times, where neither title nor size tell it.
+        clusters: Markers of each sensor, or the one body that carries it, in the file of a motion
+            capture system; frame or topic of a bag of ROS.
     """
 
     file: Path
@@ -63,11 +68,12 @@ class TruthOptions:
     mountings: dict[str, Placement] = field(default_factory=dict)
     dwell: float | None = None
     move: float | None = None
-    offset: float = 0.0
+    offset: float | None = None
     rate: float | None = None
     joint_unit: str | None = None
     calibration_poses: int = 0
     time_unit: str | None = None
+    clusters: dict[str, list[str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.time_unit is not None:
@@ -86,15 +92,18 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
         FileProblems: The file is malformed.
     """
     names = list(recording.sensors)
-    for key in (*options.links, *options.mountings):
+    for key in (*options.links, *options.mountings, *options.clusters):
         if key and key not in names:
             raise InputError(
-                f"--link or --mounting names the sensor '{key}'; the recording has "
-                f"{', '.join(names)}"
+                f"--link, --mounting or --truth-cluster names the sensor '{key}'; the recording "
+                f"has {', '.join(names)}"
             )
-    if not options.file.is_file():
+    if not options.file.is_file() and not is_bag(options.file):
         raise InputError(f"--truth {options.file}: the file does not exist")
     notes: list[str] = []
+    if options.offset is not None:
+        for sensor in recording.sensors.values():
+            sensor.details |= {"truth_offset_s": options.offset}
     if options.robot is None:
         _from_orientations(recording, options, notes)
     else:
@@ -112,6 +121,8 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
 # One piece: most lines check the answers against what the robot's log holds.
 def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -> None:
     assert options.robot is not None
+    if options.clusters:
+        raise InputError("--truth-cluster belongs to markers or bodies; leave it out, or --robot")
     kinematics = Kinematics(load_robot(options.robot))
     missing = [
         name for name in recording.sensors if name not in options.links and "" not in options.links
@@ -122,17 +133,17 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
             f"which link carries {', '.join(missing)}? Answer with --link SENSOR=LINK; links: "
             f"{listing}"
         )
-    log = read_robot_log(
-        options.file,
-        kinematics.robot.joint_names,
-        options.rate,
-        options.joint_unit,
-        notes,
-        options.time_unit,
+    joints = kinematics.robot.joint_names
+    log = (
+        joint_log(open_bag([options.file]), joints, recording.origin_ns)
+        if is_bag(options.file)
+        else read_robot_log(
+            options.file, joints, options.rate, options.joint_unit, notes, options.time_unit
+        )
     )
     if options.time_unit is not None and (log.time_ns is None or options.rate is not None):
         raise InputError(f"--truth-time-unit has no effect: no times of {options.file} are used")
-    shift = round(options.offset * NANOSECONDS)
+    shift = round((options.offset or 0.0) * NANOSECONDS)
     recording.findings += [found.at(options.file.name) for found in log.findings]
     if log.time_ns is not None:
         later, said = later_than_samples_ns(recording, log.unix_ns, int(log.time_ns[-1]))
@@ -184,6 +195,13 @@ def _from_orientations(recording: Recording, options: TruthOptions, notes: list[
             "--dwell, --calibration-poses and --link belong to a robot's log; state the arm with "
             "--robot"
         )
+    if _from_bodies(recording, options, notes):
+        return
+    if options.clusters:
+        raise InputError(
+            f"{options.file} is no export of a motion capture system that this bench knows, and no "
+            "bag of ROS: --truth-cluster has no effect on it"
+        )
     table, _ = find_table(
         options.file,
         _POSES,
@@ -213,12 +231,28 @@ def _from_orientations(recording: Recording, options: TruthOptions, notes: list[
         ).quaternion
         own: list[str] = []
         sensor.truth = reference_truth(
-            time + later + round(options.offset * NANOSECONDS), q, mounting, None, own
+            time + later + round((options.offset or 0.0) * NANOSECONDS), q, mounting, None, own
         )
         notes += [note for note in own if note not in notes]
     notes.append(
         f"{options.file.name}: {len(q)} orientations, w first, taken for q_world_from_body"
     )
+
+
+def _from_bodies(recording: Recording, options: TruthOptions, notes: list[str]) -> bool:
+    """Each sensor its own markers, body or frame; False if the file holds none of these."""
+    shift = round((options.offset or 0.0) * NANOSECONDS)
+    own, mountings = options.clusters, options.mountings
+    if is_bag(options.file):
+        times = (recording.origin_ns, shift)
+        bag = open_bag([options.file])
+        give_bag_truth(recording.sensors, bag, own, mountings, times, notes)
+        return True
+    tracked = read_tracked(options.file, options.rate)
+    if tracked is None:
+        return False
+    give_truth(recording, tracked, own, mountings, shift, notes)
+    return True
 
 
 def _only_q(columns: Columns, titles: list[str]) -> Quantities:

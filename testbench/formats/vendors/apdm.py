@@ -312,7 +312,7 @@ def _direction(table: OpalTable, name: str, notes: list[str]) -> tuple[bool, str
     rows = next(table.chunks(dict.fromkeys((n for n in table.names if n != TIME), "float")))
     q = np.column_stack([rows[f"quaternion_{axis}"] for axis in "wxyz"])
     acc = np.column_stack([rows[f"acc_{axis}"] for axis in "xyz"])
-    lengths, norms = np.linalg.norm(q, axis=1), np.linalg.norm(acc, axis=1)
+    lengths, norms = rotation.lengths(q), rotation.lengths(acc)
     known = np.isfinite(lengths) & np.isfinite(norms) & (lengths > 0) & (norms > 0)
     if not known.any():
         notes.append(f"{name}: its orientation is nowhere known, and left out")

@@ -158,7 +158,7 @@ def read(files: list[Path], options: Options) -> Recording:
         notes.append(f"the example of imu_tk was recorded where gravity is {LOCAL_GRAVITY} m/s^2")
         description = "raw counts of a 16-bit IMU (imu_tk), scaled nominally"
     else:
-        evidence = gather(plain, rate)
+        evidence = gather(plain)
         acc_unit = options.unit("acc", None) or decide_unit(
             "acc", evidence, "imu", "--unit acc=UNIT"
         )

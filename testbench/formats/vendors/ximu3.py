@@ -286,7 +286,7 @@ def _field_unit(table: TextTable, titles: list[str], name: str, notes: list[str]
     if unit.lower() != "a.u.":
         return unit
     rows = first_rows(table, dict.fromkeys(titles, "float"))
-    norms = np.linalg.norm(np.column_stack([rows[title] for title in titles]), axis=1)
+    norms = rotation.lengths(np.column_stack([rows[title] for title in titles]))
     known = norms[np.isfinite(norms)]
     normalised = not len(known) or float(np.median(known)) <= LARGEST_NORMALISED
     notes.append(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from testbench.records.findings.finding import Finding, Severity, Value
 from testbench.records.findings.words import (
+    alignment,
+    consistency,
     estimation,
     evaluation,
     general,
@@ -11,17 +13,21 @@ from testbench.records.findings.words import (
     samples,
     structure,
     time,
+    tracking,
 )
 from testbench.records.findings.words.template import Template
 
 SUBJECTS: tuple[dict[str, Template], ...] = (
     general.TEMPLATES,
+    alignment.TEMPLATES,
+    consistency.TEMPLATES,
     estimation.TEMPLATES,
     evaluation.TEMPLATES,
     recording.TEMPLATES,
     samples.TEMPLATES,
     structure.TEMPLATES,
     time.TEMPLATES,
+    tracking.TEMPLATES,
 )
 """The templates by subject, one module each."""
 TEMPLATES: dict[str, Template] = {code: own for part in SUBJECTS for code, own in part.items()}

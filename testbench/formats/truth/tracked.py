@@ -1,0 +1,112 @@
+"""What a motion capture system exports: markers, rigid bodies, or both, over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from testbench.exceptions import NotFoundError
+from testbench.frames import NANOSECONDS
+
+METRES = {
+    "mm": 1e-3,
+    "millimeters": 1e-3,
+    "millimetres": 1e-3,
+    "cm": 1e-2,
+    "centimeters": 1e-2,
+    "m": 1.0,
+    "meters": 1.0,
+    "metres": 1.0,
+}
+"""Metres of one unit of length, by its name in small letters."""
+FARTHEST_M = 1e4
+"""No camera sees so far: a marker beyond it is lost [m]."""
+LARGEST_PART = 1.1
+"""No part of a unit quaternion is larger: beyond it the orientation is lost."""
+
+
+@dataclass
+class Tracked:
+    """Markers and rigid bodies.
+
+    Attributes:
+        system: Kind of the file, for people.
+        time_ns: From the first frame, shape (n,), int64, increasing.
+        markers: By name, shape (n, 3) [m] in the world of the file; NaN where lost.
+        bodies: q_world_from_body by name, shape (n, 4); NaN where lost.
+        left_out: Bodies that the file has, but not as this bench can read them, and why.
+    """
+
+    system: str
+    time_ns: np.ndarray
+    markers: dict[str, np.ndarray] = field(default_factory=dict)
+    bodies: dict[str, np.ndarray] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)
+
+    def marker(self, name: str) -> np.ndarray:
+        """A marker by its name, or by what follows the subject's (`Anna:KNEE` is `KNEE`).
+
+        Raises:
+            NotFoundError: There is none, or several subjects have one; lists those that exist.
+        """
+        if name in self.markers:
+            return self.markers[name]
+        ends = [key for key in self.markers if key.rpartition(":")[2].strip() == name]
+        if len(ends) == 1:
+            return self.markers[ends[0]]
+        raise NotFoundError("marker", name, list(self.markers))
+
+
+def frame_times(count: int, rate: float) -> np.ndarray:
+    """Times of frames at a rate [Hz], shape (count,), int64 [ns]."""
+    return np.round(np.arange(count) * (NANOSECONDS / rate)).astype(np.int64)
+
+
+def stamped(seconds: np.ndarray) -> np.ndarray | None:
+    """Times from the first on.
+
+    Args:
+        seconds: Of the frames, shape (n,) [s].
+
+    Returns:
+        Shape (n,), int64 [ns]; None where they do not increase.
+    """
+    if not np.isfinite(seconds).all() or np.any(np.diff(seconds) <= 0):
+        return None
+    return np.round((seconds - seconds[0]) * NANOSECONDS).astype(np.int64)
+
+
+def quaternions(values: np.ndarray) -> np.ndarray:
+    """Orientations as a file has them, NaN where they are none.
+
+    Args:
+        values: w x y z, shape (n, 4); NaN or all zero where lost.
+
+    Returns:
+        Shape (n, 4).
+    """
+    q = np.array(values, dtype=float)
+    q[~(np.all(np.abs(q) <= LARGEST_PART, axis=1) & np.any(q != 0, axis=1))] = np.nan
+    return q
+
+
+def points(values: np.ndarray, names: Sequence[str], unit: float) -> dict[str, np.ndarray]:
+    """Markers of columns x, y, z side by side.
+
+    Args:
+        values: Shape (n, 3 k); NaN or all three zero where a marker was lost.
+        names: Of the k markers.
+        unit: Metres of one.
+
+    Returns:
+        By name, shape (n, 3) [m]; of a name that stands twice the first.
+    """
+    result: dict[str, np.ndarray] = {}
+    for i, name in enumerate(names):
+        own = values[:, 3 * i : 3 * i + 3] * unit
+        own[~np.any(own != 0, axis=1)] = np.nan
+        own[~np.all(np.abs(own) <= FARTHEST_M, axis=1)] = np.nan
+        result.setdefault(name, own)
+    return result

@@ -1,0 +1,71 @@
+"""TRC: markers as tab-separated text (Motion Analysis; OpenSim user guide, Marker (.trc) Files).
+
+Line 2 names the keys of line 3 (DataRate, Units, ...); line 4 has Frame#, Time and each marker
+above its three columns; the data follow below line 5.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from testbench.exceptions import FileProblems, Problem
+from testbench.formats.tables.text_table import BLANKS, guess_separator, head_of, split_line
+from testbench.formats.truth.number_rows import number_rows
+from testbench.formats.truth.tracked import METRES, Tracked, frame_times, points, stamped
+
+
+def is_trc(lines: list[str]) -> bool:
+    """Whether the first line is that of such a file."""
+    return lines[0].startswith("PathFileType")
+
+
+def read_trc(file: Path, rate: float | None) -> Tracked:
+    """Markers of a file.
+
+    Args:
+        file: To read.
+        rate: In place of its times [Hz], or None.
+
+    Raises:
+        FileProblems: It is malformed; names the line.
+    """
+    lines = head_of(file)
+
+    def refuse(message: str, line: int | None = None) -> FileProblems:
+        return FileProblems(file, [Problem(message, line=line)])
+
+    titles = next((i for i, line in enumerate(lines) if line.lstrip().startswith("Frame#")), None)
+    if titles is None or titles < 3:
+        raise refuse("a TRC file without the line of titles that begins with Frame#")
+    keys, values = (
+        split_line(lines[i], guess_separator(lines[i])) for i in (titles - 2, titles - 1)
+    )
+    header = dict(zip(keys, values, strict=False))
+    unit = header.get("Units", "mm").lower()
+    if unit not in METRES:
+        raise refuse(f"the unit of its markers is '{unit}'; known: mm, cm, m", titles)
+    separator = guess_separator(lines[titles])
+    if separator == BLANKS:
+        raise refuse("the columns must be apart by tabs", titles + 1)
+    cells = split_line(lines[titles], separator)
+    names = [cell for cell in cells[2:] if cell]
+    if len(cells) < 3 or not cells[1].lower().startswith("time") or not names:
+        raise refuse("the titles must be Frame#, Time and the markers", titles + 1)
+    rows = number_rows(file, titles + 3, separator, 2 + 3 * len(names))
+    stated = _number(header.get("DataRate")) if rate is None else rate
+    times = stamped(rows[:, 1]) if rate is None else None
+    if times is None:
+        if stated is None:
+            raise refuse("its times do not increase, and its rate is none; state it: --truth-rate")
+        times = frame_times(len(rows), stated)
+    return Tracked("TRC", times, points(np.array(rows[:, 2:]), names, METRES[unit]))
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        value = float(text or "")
+    except ValueError:
+        return None
+    return value if 0.1 <= value <= 100_000 else None

@@ -1,0 +1,20 @@
+"""Findings on truths from motion capture: clusters of markers, rigid bodies, frames of ROS."""
+
+from __future__ import annotations
+
+from testbench.records.findings.words.template import NOTE, WARNING, Template
+
+TEMPLATES = {
+    "tracking.cluster": Template(
+        NOTE,
+        "the cluster {markers} fits its own shape to {residual_mm:.2g} mm (RMS)",
+        "by so much the markers move against one another, or are measured wrongly",
+    ),
+    "tracking.lost": Template(
+        WARNING,
+        "{lost} of {frames} frames of the cluster {markers} give no orientation: {why}",
+        "nothing is judged there",
+        "label or fill them in the software of the cameras, or name further markers of the same "
+        "body with --truth-cluster",
+    ),
+}
