@@ -148,9 +148,9 @@ def _variables(file: Path) -> Iterator[Variable]:
                 start = zlib.decompressobj().decompress(stream.read(min(length, _HEAD)), _HEAD)[8:]
                 yield _described(start, order)
             elif kind == _MATRIX:
-                start = stream.tell()
+                begin = stream.tell()
                 yield _described(stream.read(min(length, _HEAD)), order)
-                _check_elements(stream, order, (start, following), 0)
+                _check_elements(stream, order, (begin, following), 0)
             stream.seek(following)
 
 
