@@ -58,6 +58,7 @@ def read(files: list[Path]) -> Recording:
     )
 
 
+# One piece: what is read, what it must hold, and in which shapes.
 def _load(file: Path) -> dict[str, Any]:
     def refuse(message: str) -> FileProblems:
         return FileProblems(file, [Problem(message)])
