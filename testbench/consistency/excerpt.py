@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from testbench.frames import NANOSECONDS
 from testbench.records.session.samples import ImuSamples
@@ -27,7 +28,11 @@ MOST_STEPS = 120 * STRETCH_STEPS
 ABSURD = 1e9
 """A number beyond this is no reading in any unit; the mean of any with one is not used, either."""
 STUCK = 4
-"""So many repetitions of all readings in a row are no measurement."""
+"""So many repetitions of all readings in a row are no measurement ..."""
+LIVELY = 0.1
+"""... where they turn by more than this part of what is quick in the chunk (90 % quantile)."""
+LOOKED_AT = 2000
+"""Rates of a chunk that tell what is quick in it."""
 
 
 @dataclass(frozen=True)
@@ -38,14 +43,13 @@ class Excerpt:
         time_ns: Of the first sample of each step, shape (n,), int64.
         gyr: Shape (n, 3), as read.
         acc: Shape (n, 3), as read.
-        mag: Shape (n, 3), as read, or None.
+        mag: Of the middle sample of each step, shape (n, 3), as read, or None.
         device_q: Of the middle sample of each step, shape (n, 4), or None.
         samples: Averaged to a step.
         follows: Whether a step comes straight after the one before it, shape (n,), bool.
         interval_ns: Usual one between two samples, by their stamps.
         zero_share: Share of all samples whose accelerometer is exactly zero and whose gyroscope
             is not.
-        rests: Means over 0.5 s or more at rest, shape (m, 6): acc, gyr.
     """
 
     time_ns: np.ndarray
@@ -86,28 +90,25 @@ class Thinner:
     def _steps(self, chunk: ImuSamples, count: int) -> dict[str, np.ndarray]:
         each = self._each
         size = count * each
-        gyr, acc = chunk.gyr[:size], chunk.acc[:size]
-        no_acc, no_gyr = ~acc.any(axis=1), ~gyr.any(axis=1)
-        dead = np.asarray(no_acc & no_gyr)
-        self._zeros += int(np.count_nonzero(no_acc & ~no_gyr))
+        gyr, acc, zeros = _means(
+            np.ascontiguousarray(chunk.gyr[:size], dtype=float),
+            np.ascontiguousarray(chunk.acc[:size], dtype=float),
+            each,
+            LIVELY * _quick(chunk.gyr),
+        )
+        self._zeros += int(zeros)
         self._count += size
-        same = np.zeros(size, dtype=bool)
-        same[1:] = (gyr[1:] == gyr[:-1]).all(axis=1) & (acc[1:] == acc[:-1]).all(axis=1)
-        if same.any():
-            run = same.copy()
-            for shift in range(1, STUCK):
-                run[shift:] &= same[:-shift]
-            dead |= run
         follows = np.ones(count, dtype=bool)
         follows[0] = False
         columns = {
             "time_ns": chunk.device_time_ns[:size:each],
-            "gyr": _means(gyr, dead, each),
-            "acc": _means(acc, dead, each),
+            "gyr": gyr,
+            "acc": acc,
             "follows": follows,
         }
         if chunk.mag is not None:
-            columns["mag"] = _means(chunk.mag[:size], dead, each)
+            mag = chunk.mag[:size].reshape(count, each, 3)[:, each // 2]
+            columns["mag"] = np.where(np.abs(mag) < ABSURD, mag, np.nan)
         if chunk.device_q is not None:
             columns["device_q"] = chunk.device_q[each // 2 : size : each]
         return columns
@@ -183,16 +184,50 @@ def _usual(steps: np.ndarray, over: int) -> float:
     return float(np.median(steps[: count * over].reshape(count, over).mean(axis=1)))
 
 
-def _means(values: np.ndarray, dead: np.ndarray, each: int) -> np.ndarray:
-    """Means over each so many rows; NaN where one of them is dead."""
-    if each > 1:
-        with np.errstate(over="ignore", invalid="ignore"):
-            means = values.reshape(-1, each, values.shape[1]).mean(axis=1)
-        lost = dead.reshape(-1, each).any(axis=1)
-    else:
-        means, lost = values.astype(float), dead
-    means[lost | ~(np.abs(means) < ABSURD).all(axis=1)] = np.nan
-    return means
+def _quick(gyr: np.ndarray) -> float:
+    """The 90 % quantile of the rates' norm, in their own unit; 0 where there are none.
+
+    Args:
+        gyr: Shape (n, 3), in any unit.
+    """
+    some = gyr[:: max(len(gyr) // LOOKED_AT, 1)]
+    some = some[(np.abs(some) < ABSURD).all(axis=1)]
+    return float(np.quantile(np.linalg.norm(some, axis=1), 0.9)) if len(some) else 0.0
+
+
+@njit(cache=True)
+def _means(gyr, acc, each, lively):  # type: ignore[no-untyped-def]
+    """Means over each so many rows, NaN where a row is no measurement, and the number of rows whose
+    accelerometer alone is exactly zero. A triad that is not there is NaN throughout. Repeated rows
+    are none where they turn by `lively` or more; a rest without noise repeats itself, too.
+    """
+    count = len(gyr) // each
+    rates, forces = np.empty((count, 3)), np.empty((count, 3))
+    zeros = same = 0
+    for step in range(count):
+        dead = False
+        for k in range(3):
+            rates[step, k] = forces[step, k] = 0.0
+        for row in range(step * each, (step + 1) * each):
+            repeated = row > 0
+            still = weightless = True
+            turning = 0.0
+            for k in range(3):
+                turning += gyr[row, k] ** 2
+                still &= gyr[row, k] == 0
+                weightless &= acc[row, k] == 0
+                repeated &= gyr[row, k] == gyr[row - 1, k] and acc[row, k] == acc[row - 1, k]
+                rates[step, k] += gyr[row, k] / each if abs(gyr[row, k]) < ABSURD else np.nan
+                forces[step, k] += acc[row, k] / each if abs(acc[row, k]) < ABSURD else np.nan
+            zeros += weightless and not still
+            same = same + 1 if repeated else 0
+            dead |= (still and weightless) or (same >= STUCK and turning > lively**2)
+        for k in range(3):
+            if dead or np.isnan(rates[step].sum()):
+                rates[step, k] = np.nan
+            if dead or np.isnan(forces[step].sum()):
+                forces[step, k] = np.nan
+    return rates, forces, zeros
 
 
 def _joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:

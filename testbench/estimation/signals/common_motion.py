@@ -16,7 +16,7 @@ from testbench.estimation.signals.rates import RateMagnitude
 
 GRID_S = 0.04
 """Rates are compared as means over so long [s]."""
-MOST_BINS = 150_000
+MOST_BINS = 60_000
 """Longer recordings are compared by longer means."""
 MOST_DRIFT = 1e-3
 """Drifts that are tried: real oscillators stay within 100 to 200 ppm, poor ones within this [1]."""

@@ -136,14 +136,16 @@ def find_faults(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> Truth
         return TruthFaults(truth, none, none)
     cleaned = truth.q_world_from_sensor.copy()
     cleaned[known[lost]] = np.nan
+    rate = None if truth.rate is None else truth.rate.copy()
+    if rate is not None:
+        rate[known[lost]] = np.nan
     halted = np.zeros(len(known), dtype=bool)
     for first, last in frozen:
         halted[first + 1 : last + 1] = True
     return TruthFaults(
-        replace(truth, q_world_from_sensor=cleaned),
+        replace(truth, q_world_from_sensor=cleaned, rate=rate),
         _samples_of(time_ns, rows, halted),
-        # whoever looks for jumps leaves out a row on either side of one, too
-        _samples_of(time_ns, rows, lost & ~halted, 2),
+        _samples_of(time_ns, rows, lost & ~halted),
         findings,
     )
 
@@ -171,21 +173,20 @@ def without_repetitions(truth: Truth) -> Truth | None:
     return replace(truth, q_world_from_sensor=cleaned)
 
 
-def _samples_of(
-    time_ns: np.ndarray, rows: np.ndarray, lost: np.ndarray, beside: int = 1
-) -> np.ndarray:
-    """Samples between the rows on either side of the lost ones, shape (n,), bool.
+def _samples_of(time_ns: np.ndarray, rows: np.ndarray, lost: np.ndarray) -> np.ndarray:
+    """Samples between the second rows on either side of the lost ones, shape (n,), bool.
+
+    Whoever looks for jumps leaves out a row on either side of one, too.
 
     Args:
         time_ns: Of the samples, shape (n,) [ns].
         rows: Times of the truth, shape (m,) [ns].
         lost: Which of its rows are lost, shape (m,), bool.
-        beside: How many rows away the rows on either side are.
     """
     marked = np.zeros(len(time_ns), dtype=bool)
     for first, end in intervals_of(lost, 1):
-        begin_ns = rows[first - beside] if first >= beside else rows[0] - 1
-        end_ns = rows[end + beside - 1] if end + beside <= len(rows) else rows[-1] + 1
+        begin_ns = rows[first - 2] if first > 1 else rows[0] - 1
+        end_ns = rows[end + 1] if end + 1 < len(rows) else rows[-1] + 1
         marked |= (time_ns > begin_ns) & (time_ns < end_ns)
     return marked
 

@@ -180,7 +180,10 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
                 )
             )
             sensor.truth = commanded_truth(kinematics, log.q, link, mounting, dwells[-1])
-        sensor.details |= {"truth": f"{kinematics.robot.name}, link {link}"}
+        sensor.details |= {
+            "truth": f"{kinematics.robot.name}, link {link}",
+            "truth_world": "z_up",
+        }
     if dwells:
         recording.steps = commanded_steps(
             dwells, log.q, kinematics.robot.joint_names, options.calibration_poses
