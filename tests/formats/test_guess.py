@@ -57,7 +57,7 @@ TITLES = {
     ("time", "scale"), [("t", 1.0), ("time_ms", 1e3), ("timestamp", 1e6), ("Time [ns]", 1e9)]
 )
 def test_titles_and_units_of_time_are_told(titles, time, scale, table, xyz, motion, round_trip):
-    m = motion(600)
+    m = motion(2400)
     acc, gyr, axes = TITLES[titles]
     columns = {time: np.round(m.t * scale, 6)} | xyz(acc, m.acc, axes) | xyz(gyr, m.gyr, axes)
     check(round_trip(table("d.csv", columns, form="%.16g")), m)
@@ -66,13 +66,13 @@ def test_titles_and_units_of_time_are_told(titles, time, scale, table, xyz, moti
 @pytest.mark.parametrize(("acc", "gyr"), [(G, np.pi / 180), (G / 1000, 1.0)])
 @pytest.mark.parametrize("layout", [{}, {"separator": ";", "decimal": ","}, {"above": "a log\n\n"}])
 def test_units_are_told_by_gravity_and_turns(acc, gyr, layout, table, xyz, motion, round_trip):
-    m = motion(600)
+    m = motion(2400)
     columns = {"t": m.t} | xyz("a{}", m.acc / acc, "xyz") | xyz("w{}", m.gyr / gyr, "xyz")
     check(round_trip(table("d.csv", columns, form="%.10f", **layout)), m)
 
 
 def test_columns_without_titles_are_told_by_their_numbers(tmp_path, motion, round_trip):
-    m = motion(600)
+    m = motion(2400)
     numbers = np.column_stack([m.t * 1000, m.gyr, m.acc / G])
     np.savetxt(tmp_path / "d.txt", numbers, fmt="%.8f")
     check(round_trip(tmp_path / "d.txt"), m)
@@ -80,10 +80,10 @@ def test_columns_without_titles_are_told_by_their_numbers(tmp_path, motion, roun
 
 @pytest.mark.parametrize("kind", ["parquet", "mat", "hdf5"])
 def test_files_of_arrays_and_columns(kind, tmp_path, motion, round_trip):
-    m = motion(600)
+    m = motion(2400)
     path = tmp_path / f"d.{kind}"
     if kind == "parquet":
-        columns = {"stamp_ns": (m.t * 1e9).round().astype(np.int64), "note": ["x"] * 600}
+        columns = {"stamp_ns": (m.t * 1e9).round().astype(np.int64), "note": ["x"] * 2400}
         columns |= {f"acc_{x}": m.acc[:, i] for i, x in enumerate("xyz")}
         columns |= {f"gyr_{x}": m.gyr[:, i] for i, x in enumerate("xyz")}
         pq.write_table(pa.table(columns), path)
@@ -99,12 +99,12 @@ def test_files_of_arrays_and_columns(kind, tmp_path, motion, round_trip):
 
 
 def test_a_slow_array_has_times_of_its_own(tmp_path, motion, round_trip):
-    m = motion(600)
+    m = motion(2400)
     with h5py.File(tmp_path / "d.h5", "w") as file:
         file["acc"], file["gyr"], file["t"] = m.acc, m.gyr, m.t
         file["slow/mag"], file["slow/t"] = m.mag[::10], m.t[::10]
     samples, _ = round_trip(tmp_path / "d.h5")
-    assert np.isfinite(samples.mag[:, 0]).sum() == 60
+    assert np.isfinite(samples.mag[:, 0]).sum() == 240
 
 
 @pytest.mark.parametrize("earth", ["ENU", "NED"])
@@ -112,7 +112,7 @@ def test_a_slow_array_has_times_of_its_own(tmp_path, motion, round_trip):
 def test_a_quaternion_is_told_by_gravity(earth, direction, table, xyz, motion, round_trip):
     from testbench.model.earths import to_earth_frame
 
-    m = motion(600)
+    m = motion(2400)
     q = to_earth_frame(m.q, earth) * [1, direction, direction, direction]
     columns = {"t": m.t} | xyz("a{}", m.acc, "xyz") | xyz("g{}", m.gyr, "xyz")
     samples, _ = round_trip(table("d.csv", columns | xyz("q{}", q, "wxyz")))
@@ -120,7 +120,7 @@ def test_a_quaternion_is_told_by_gravity(earth, direction, table, xyz, motion, r
 
 
 def test_files_of_one_quantity_each_become_one_sensor(table, xyz, motion, round_trip):
-    m = motion(600)
+    m = motion(2400)
     files = []
     for name, values in (("Accelerometer", m.acc), ("Gyroscope", np.degrees(m.gyr))):
         ns = 1_700_000_000_000_000_000 + (m.t * 1e9).round().astype(np.int64)
@@ -129,7 +129,7 @@ def test_files_of_one_quantity_each_become_one_sensor(table, xyz, motion, round_
 
 
 def test_two_sensors_in_one_file_are_two(table, xyz, motion, round_trip):
-    m = motion(600)
+    m = motion(2400)
     columns = {"t": m.t}
     for owner, sign in (("left", 1), ("right", -1)):
         columns |= xyz(f"{owner}_acc_{{}}", sign * m.acc, "xyz")

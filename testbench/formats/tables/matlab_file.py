@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
@@ -28,6 +28,12 @@ MOST_STRUCTS = 100
 """Of an array of structs, so many are looked into."""
 _MATRIX, _COMPRESSED = 14, 15
 _FUNCTION, _OPAQUE = 16, 17
+_FLAGS = 6
+_NUMBERS = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13))
+_ELEMENTS = _NUMBERS | {_MATRIX, 16, 17, 18}
+"""Types of data elements: numbers, arrays and text (MathWorks, MAT-File Format, table 1-1)."""
+_NUMERIC_CLASSES = range(6, 16)
+_DEEPEST = 40
 _HEAD = 4096
 """Bytes of a variable that hold its class, shape and name (MathWorks, MAT-File Format, chapter 1,
 "Array Flags Subelement" and tables 1-1 to 1-3).
@@ -142,8 +148,45 @@ def _variables(file: Path) -> Iterator[Variable]:
                 start = zlib.decompressobj().decompress(stream.read(min(length, _HEAD)), _HEAD)[8:]
                 yield _described(start, order)
             elif kind == _MATRIX:
+                begin = stream.tell()
                 yield _described(stream.read(min(length, _HEAD)), order)
+                _check_elements(stream, order, (begin, following), 0)
             stream.seek(following)
+
+
+def _check_elements(stream: BinaryIO, order: str, span: tuple[int, int], depth: int) -> None:
+    """Refuse an uncompressed variable whose elements cannot be, which would crash its reader.
+
+    Compressed ones bear a checksum.
+
+    Args:
+        stream: The file.
+        order: Of its bytes.
+        span: Where the elements of the variable begin and end.
+        depth: How deep it lies in others.
+
+    Raises:
+        ValueError: An element is of no known type, or reaches out of its variable.
+    """
+    at, end = span
+    numeric = False
+    count = 0
+    while at + 8 <= end and depth < _DEEPEST:
+        stream.seek(at)
+        tag = stream.read(12)
+        kind, length = struct.unpack(order + "II", tag[:8])
+        small = bool(kind >> 16)
+        if small:
+            kind, length = kind & 0xFFFF, kind >> 16
+        allowed = _NUMBERS if numeric and count > 2 else _ELEMENTS
+        if kind not in allowed or (small and length > 4) or at + 8 + (0 if small else length) > end:
+            raise ValueError(f"an element of the type {kind} with {length} bytes cannot be there")
+        if count == 0 and kind == _FLAGS and not small and len(tag) == 12:
+            numeric = struct.unpack(order + "I", tag[8:])[0] & 0xFF in _NUMERIC_CLASSES
+        if kind == _MATRIX:
+            _check_elements(stream, order, (at + 8, at + 8 + length), depth + 1)
+        at += 8 if small else 8 + length + (-length) % 8
+        count += 1
 
 
 def _described(start: bytes, order: str) -> Variable:
