@@ -65,7 +65,7 @@ def import_files(
         typer.Option(
             "--unit",
             metavar="WHAT=UNIT",
-            help="acc=g, gyr=rad/s, mag=uT: how to read it.",
+            help="acc=g, gyr=rad/s, mag=uT, time=ms: how to read it.",
             rich_help_panel=OPEN_PANEL,
         ),
     ] = None,
@@ -169,6 +169,15 @@ def import_files(
             rich_help_panel=TRUTH_PANEL,
         ),
     ] = None,
+    truth_time_unit: Annotated[
+        str | None,
+        typer.Option(
+            "--truth-time-unit",
+            metavar="UNIT",
+            help="Unit of its times: s, ms, us, ns, min, h, day.",
+            rich_help_panel=TRUTH_PANEL,
+        ),
+    ] = None,
     joint_unit: Annotated[
         JointUnit | None,
         typer.Option("--joint-unit", help="Unit of its joint angles.", rich_help_panel=TRUTH_PANEL),
@@ -190,10 +199,10 @@ def import_files(
     from testbench.pipeline.request import ImportRequest, TruthRequest
 
     described = (robot, link, mounting, dwell, move, truth_rate, joint_unit, calibration_poses)
-    if truth is None and any((*described, truth_cluster)):
+    if truth is None and any((*described, truth_time_unit, truth_cluster)):
         raise InputError(
             "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate, "
-            "--truth-cluster and --joint-unit describe the file of --truth"
+            "--truth-time-unit, --truth-cluster and --joint-unit describe the file of --truth"
         )
     angles: Any = None if joint_unit is None else joint_unit.value
     session = bring_in(
@@ -219,6 +228,7 @@ def import_files(
                 rate_hz=truth_rate,
                 joint_unit=angles,
                 calibration_poses=calibration_poses,
+                time_unit=truth_time_unit,
                 clusters=tuple(truth_cluster or ()),
             ),
         )

@@ -48,7 +48,9 @@ class TimeColumn(StrictModel):
     """Where the times stand."""
 
     column: Column
-    unit: TimeUnit = Field(description="s, ms, us, ns, or clock for a time of day hh:mm:ss.")
+    unit: TimeUnit = Field(
+        description="s, ms, us, ns, min, h, day, or clock for a time of day or a date."
+    )
     wraps_bits: Literal[8, 16, 24, 32] | None = Field(
         default=None, description="Width of a counter that starts again from 0."
     )

@@ -17,7 +17,7 @@ class Options:
     Attributes:
         mapping: Path or name of a mapping of the generic format.
         rate: Sampling rate [Hz].
-        units: Unit by quantity (acc, gyr, mag).
+        units: Unit by quantity (acc, gyr, mag, time).
         axes: Axis map for every sensor, by name or as "x: -z, y: -y, z: -x".
         recorded_at: When it was recorded, ISO 8601, where the files do not say, or say it wrongly.
         asked: What an importer has asked for so far.
@@ -32,10 +32,10 @@ class Options:
 
     def __post_init__(self) -> None:
         for quantity, unit in self.units.items():
-            if quantity not in QUANTITIES:
+            if quantity not in (*QUANTITIES, "time"):
                 raise InputError(
                     f"--unit {quantity}={unit}: unknown quantity '{quantity}'; known: "
-                    f"{', '.join(QUANTITIES)}"
+                    f"{', '.join(QUANTITIES)}, time"
                 )
             find_unit(quantity, unit)
         if self.rate is not None and not 0.01 <= self.rate <= 100_000:
@@ -49,7 +49,7 @@ class Options:
         It is as the person says, else as the file or its format states, else None.
 
         Args:
-            quantity: "acc", "gyr" or "mag".
+            quantity: "acc", "gyr", "mag" or "time".
             stated: Name of the unit, None where neither file nor format states one.
         """
         self.asked.add(quantity)

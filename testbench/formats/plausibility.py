@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +42,8 @@ LEAST_EXPLAINED = 0.5
 """Turning must explain this part of the changes of the specific force (R^2); linear acceleration
 does the rest.
 """
+ABSURD = 1e9
+"""A number beyond this is no reading in any unit."""
 MOST_CHUNKS = 20
 FACTORS = (1.0, 2.0, 0.5)
 """Of the scale, as it is and at the wrong one of two neighbouring range settings."""
@@ -83,7 +85,7 @@ def gather(chunks: Iterable[ImuSamples], rate: float, most_chunks: int = MOST_CH
     norms: list[np.ndarray] = []
     sums = np.zeros(4)
     slope: float | None = None
-    for i, chunk in enumerate(chunks):
+    for i, chunk in enumerate(map(_readable, chunks)):
         norms.append(_rest_norms(chunk.acc, rate))
         sums += _turning(chunk, rate)
         slope = _slope(sums)
@@ -91,6 +93,17 @@ def gather(chunks: Iterable[ImuSamples], rate: float, most_chunks: int = MOST_CH
             break
     rest = np.concatenate(norms) if norms else np.zeros(0)
     return Evidence(float(np.median(rest)) if len(rest) else None, slope)
+
+
+def _readable(samples: ImuSamples) -> ImuSamples:
+    """Samples whose infinite and absurd numbers are NaN: their squares are no numbers."""
+    readings = {"acc": samples.acc, "gyr": samples.gyr}
+    changed = {}
+    for key, array in readings.items():
+        absurd = ~(np.abs(array) < ABSURD)
+        if absurd.any():
+            changed[key] = np.where(absurd, np.nan, array)
+    return replace(samples, **changed) if changed else samples
 
 
 def _rest_norms(acc: np.ndarray, rate: float) -> np.ndarray:
@@ -137,6 +150,7 @@ def missed_by_factor(samples: ImuSamples, rate: float) -> tuple[np.ndarray, int]
         Median angle by each of `FACTORS`, shape (3,) [rad], and the number of rotations that tilt
         gravity enough to tell.
     """
+    samples = _readable(samples)
     size = max(round(REST_WINDOW_S * rate), 4)
     count = len(samples) // size
     acc, gyr = (a[: count * size].reshape(count, size, 3) for a in (samples.acc, samples.gyr))

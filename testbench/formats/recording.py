@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,9 @@ class ImportedSensor:
         description: For people.
         truth: What it went through, where the file says so.
         details: Further entries of the sensor in the manifest, such as scale factors.
+        findings: What was noticed of it when it was opened.
+        told: What was noticed of its samples, once they were gone through.
+        unix: Whether its device times are Unix times.
     """
 
     chunks: Iterable[ImuSamples]
@@ -52,6 +55,9 @@ class ImportedSensor:
     description: str
     truth: Truth | None = None
     details: dict[str, Any] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+    told: Callable[[], list[Finding]] = list
+    unix: bool = False
 
     def head(self) -> ImuSamples | None:
         """The first chunk, None if there is none."""
@@ -91,6 +97,7 @@ class Recording:
         return told_once([*self.findings, *(noted(note) for note in self.notes)])
 
 
+# Long by its arguments, and by what is undone where an import is cut off.
 def write_recording(
     recording: Recording, files: list[Path], format_name: str, out: Path, clock: Clock
 ) -> Session:
@@ -130,9 +137,9 @@ def write_recording(
             "recorded_utc": utc_text(recording.recorded.at) if recording.recorded else None,
             "recorded_by": recording.recorded.source if recording.recorded else None,
             "protocol": {"name": recording.name, "purpose": recording.purpose},
-            "findings": recording.told,
         },
     )
+    findings = recording.told
     begin, end, counts = np.inf, -np.inf, {}
     try:
         for name, sensor in recording.sensors.items():
@@ -140,12 +147,16 @@ def write_recording(
                 out / table_file(imu_stream(name)), iter(sensor.chunks)
             )
             begin, end = min(begin, first), max(end, last)
+            findings += [found.at(name) for found in (*sensor.findings, *sensor.told())]
             if sensor.truth is not None:
                 writer.add_table(truth_stream(name), sensor.truth.to_columns(), TRUTH_NOTES)
         for event in step_events(recording.steps):
             writer.event(event)
         writer.close(
-            RunStatus.COMPLETED, duration_s=float(end - begin) / NANOSECONDS, samples=counts
+            RunStatus.COMPLETED,
+            duration_s=float(end - begin) / NANOSECONDS,
+            samples=counts,
+            findings=told_once(findings),
         )
     except OSError as error:
         writer.discard()

@@ -5,7 +5,6 @@ Units are stated or decided; time comes by stamps, a counter or a rate.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +12,11 @@ import numpy as np
 from testbench.formats.options import Options
 from testbench.formats.plausibility import Evidence, decide_unit, gather
 from testbench.formats.recording import ImportedSensor
+from testbench.formats.stamps import Asking, Stamps, rate_differs, read_stamps
 from testbench.formats.tables.recognise import Found
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
 from testbench.formats.tables.source import Columns, Kind, Source
-from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
+from testbench.formats.tables.timeline import RegularTime
 from testbench.formats.units import QUANTITIES, TimeUnit, known_unit
 from testbench.model import rotation
 from testbench.model.earths import Q_ENU_FROM
@@ -30,17 +30,19 @@ class Layout:
         description: Of the sensor.
         units: By quantity, where the titles state none but the format does.
         time: Column of stamps, None for none.
-        time_unit: Unit of the stamps.
+        time_unit: Unit of the stamps; None where nothing states it.
         conjugate: The file's quaternion is q_sensor_from_earth.
         earth: What its earth's axes point to.
+        rate: That the file states for samples without stamps [Hz], None for none.
     """
 
     description: str
     units: dict[str, str]
     time: str | None = None
-    time_unit: TimeUnit = "s"
+    time_unit: TimeUnit | None = "s"
     conjugate: bool = False
     earth: str = "ENU"
+    rate: float | None = None
 
 
 # One piece: units, conversion and times of a table depend on one another.
@@ -91,8 +93,9 @@ def table_sensor(
             )
         return Quantities(gyr, acc, mag, q)
 
-    stream = SampleStream(source, kinds, convert, _timeline(source, layout, name, options))
-    rate = options.rate_or(None) or measured_rate(stream.first())
+    stamps = _stamps(source, layout, name, options)
+    stream = SampleStream(source, kinds, convert, stamps.timeline)
+    rate = options.rate_or(layout.rate) or measured_rate(stream.first())
     if rate is None:
         raise source.problem(
             f"the samples of sensor '{name}' have no usable times; state the rate with --rate HZ"
@@ -108,7 +111,14 @@ def table_sensor(
             f"{name}: the file's quaternion turns earth ({layout.earth}) into sensor; kept is "
             "sensor into earth (ENU)"
         )
-    return ImportedSensor(stream, round(rate, 3), layout.description)
+    return ImportedSensor(
+        stream,
+        round(rate, 3),
+        layout.description,
+        findings=stamps.findings,
+        told=stream.findings,
+        unix=stamps.unix,
+    )
 
 
 def _stated(quantity: str, found: Found, layout: Layout) -> str | None:
@@ -118,18 +128,47 @@ def _stated(quantity: str, found: Found, layout: Layout) -> str | None:
     return layout.units.get(quantity)
 
 
-def _timeline(
-    source: Source, layout: Layout, name: str, options: Options
-) -> Callable[[], Timeline]:
-    rate = options.rate_or(None)
-    if layout.time is not None and rate is None:
-        column, unit = layout.time, layout.time_unit
-        return lambda: StampedTime(column, unit)
+def _stamps(source: Source, layout: Layout, name: str, options: Options) -> Stamps:
+    rate = options.rate_or(layout.rate)
+    if layout.time is not None:
+        return asked_stamps(source, layout.time, layout.time_unit, name, options)
     if rate is None:
         raise source.problem(
             f"sensor '{name}' has no column of times; state its sampling rate with --rate HZ"
         )
-    return lambda: RegularTime(rate)
+    return Stamps(lambda: RegularTime(rate), [])
+
+
+def asked_stamps(
+    source: Source, column: str, stated: TimeUnit | None, name: str, options: Options
+) -> Stamps:
+    """How a column of times is to be read, by what a person says with --unit and --rate.
+
+    Args:
+        source: The table.
+        column: Of times.
+        stated: Unit by the format or the title, None where none states it.
+        name: Of the sensor.
+        options: Answers.
+
+    Raises:
+        InputError: The unit cannot be right.
+    """
+    unit = None if stated == "clock" else options.unit("time", None)
+    rate = options.rate_or(None)
+    answered = None if unit is None else unit.name
+    asking = Asking(f"{file_of(source)}sensor '{name}'", answered, rate=rate)
+    stamps = read_stamps(source, column, stated, asking)
+    if rate is not None:
+        leave = "leave --rate out to believe the stamps"
+        stamps.findings.extend(rate_differs(rate, "--rate", stamps.rate, False, leave))
+    return stamps
+
+
+def file_of(source: Source) -> str:
+    """The file of a table before a message, where it has one of its own."""
+    file = getattr(getattr(source, "main", source), "file", None)
+    return f"{file}: " if file is not None else ""
 
 
 def _decide(

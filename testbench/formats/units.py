@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -14,7 +14,8 @@ QUANTITIES = ("acc", "gyr", "mag")
 AccUnit = Literal["m/s^2", "g", "mg"]
 GyrUnit = Literal["rad/s", "deg/s", "mdeg/s"]
 MagUnit = Literal["uT", "nT", "mT", "G", "mG", "au"]
-TimeUnit = Literal["s", "ms", "us", "ns", "clock"]
+StampUnit = Literal["s", "ms", "us", "ns", "min", "h", "day"]
+TimeUnit = Literal["s", "ms", "us", "ns", "min", "h", "day", "clock"]
 
 ARBITRARY_UNIT_UT = 40.0
 """Magnetic field of one arbitrary unit of Xsens sensors [uT]: about that of the maker's laboratory,
@@ -30,10 +31,22 @@ class Unit:
     factor: float
 
 
+SECONDS: dict[str, float] = {
+    "s": 1.0,
+    "ms": 1e-3,
+    "us": 1e-6,
+    "ns": 1e-9,
+    "min": 60.0,
+    "h": 3600.0,
+    "day": 86_400.0,
+    "clock": 1.0,
+}
+"""Seconds of one unit of time; "clock" is a time of day hh:mm:ss, with or without a date."""
 _FACTORS: dict[str, dict[str, float]] = {
     "acc": {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000},
     "gyr": {"rad/s": 1.0, "deg/s": np.pi / 180, "mdeg/s": np.pi / 180_000},
     "mag": {"uT": 1.0, "nT": 1e-3, "mT": 1000.0, "G": 100.0, "mG": 0.1, "au": ARBITRARY_UNIT_UT},
+    "time": {unit: SECONDS[unit] for unit in get_args(StampUnit)},
 }
 _SPELLINGS = {
     "m/(s^2)": "m/s^2",
@@ -58,9 +71,18 @@ _SPELLINGS = {
     "mgauss": "mG",
     "a.u.": "au",
     "local_flux": "au",
+    "sec": "s",
+    "secs": "s",
+    "seconds": "s",
+    "msec": "ms",
+    "msecs": "ms",
+    "µs": "us",
+    "usec": "us",
+    "nsec": "ns",
+    "minutes": "min",
+    "hours": "h",
+    "days": "day",
 }
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "clock": 1.0}
-"""Seconds of one unit of time; "clock" is a time of day as hh:mm:ss."""
 
 
 def find_unit(quantity: str, name: str) -> Unit:

@@ -56,6 +56,7 @@ def _truth(asked: TruthRequest) -> TruthOptions:
         asked.rate_hz,
         asked.joint_unit,
         asked.calibration_poses,
+        asked.time_unit,
         _once("--truth-cluster", map(_cluster, asked.clusters)),
     )
 
@@ -75,7 +76,7 @@ def _pair(option: str, text: str) -> tuple[str, str]:
     if not equals or not key.strip() or not value.strip():
         raise InputError(
             f"{option} {text}: write it as "
-            f"{'WHAT=UNIT, e.g. acc=g' if option == '--unit' else 'SENSOR=...'}"
+            f"{'WHAT=UNIT, e.g. acc=g or time=ms' if option == '--unit' else 'SENSOR=...'}"
         )
     return key.strip(), value.strip()
 

@@ -290,6 +290,9 @@ class TruthRequest(Asked):
         ge=0,
         description="The first so many commanded poses calibrate the sensors and are not judged.",
     )
+    time_unit: str | None = Field(
+        default=None, description="Of its times, where neither their title nor their size tell it."
+    )
     clusters: tuple[str, ...] = Field(
         default=(),
         description="Markers that carry the sensors, each `SENSOR=M1,M2,M3`; or `SENSOR=BODY`, a "
@@ -308,7 +311,7 @@ class ImportRequest(Asked):
         default=None, description="Sampling rate [Hz], where the files do not say."
     )
     units: tuple[str, ...] = Field(
-        default=(), description="Units, each `WHAT=UNIT`, such as `acc=g`."
+        default=(), description="Units, each `WHAT=UNIT`, such as `acc=g` or `time=ms`."
     )
     axes: str | None = Field(
         default=None, description="Axis map of every sensor, by name or as `x: -z, y: -y, z: -x`."

@@ -394,7 +394,7 @@ def test_truth_of_a_body_that_carries_the_sensor(plain, motion, load, xyz):
         ("unit: m/s^2", "unit: furlong", 5, "must be 'm/s^2', 'g' or 'mg'"),
         ("unit: m/s^2", "units: g", 5, "unknown key 'units'"),
         ("unit: m/s^2", "unit: g, scale: 0", 5, "a scale of 0"),
-        ("unit: s}", "unit: min}", 2, "must be 's', 'ms'"),
+        ("unit: s}", "unit: weeks}", 2, "must be 's', 'ms'"),
         ("column: t", "column: time", 2, "no column 'time'"),
         ("time: {column: t, unit: s}\n", "", 1, "neither time nor rate_hz"),
         ("    gyr:", "    axes: {x: y, y: x, z: z}\n    gyr:", 6, "left-handed"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from pyarrow import csv
 
 from testbench.exceptions import FileProblems, SessionError
 from testbench.formats.recording import ImportedSensor, Recording, write_recording
+from testbench.formats.tables.bytes_stream import LineStream
 from testbench.formats.tables.source import ROWS_PER_CHUNK
 from testbench.formats.tables.text_table import TextTable
 from testbench.records.session.samples import ImuSamples
@@ -136,3 +138,18 @@ def test_an_import_that_is_cut_off_leaves_nothing(fault, tmp_path, clock):
     with pytest.raises(expected):
         write_recording(recording, [tmp_path / "a.csv"], "made up", tmp_path / "session", clock)
     assert not (tmp_path / "session").exists()
+
+
+def test_a_file_is_read_in_the_calling_thread_alone(tmp_path, monkeypatch):
+    """A reader's thread that calls Python aborts the interpreter where an import is refused."""
+    write(tmp_path / "d.csv", 200_000)
+    threads, read = set(), LineStream._next
+
+    def watched(stream: LineStream) -> bytes:
+        threads.add(threading.get_ident())
+        return read(stream)
+
+    monkeypatch.setattr(LineStream, "_next", watched)
+    table = TextTable(tmp_path / "d.csv", [str(i) for i in range(1, 8)], 1)
+    next(table.chunks({"4": "float"}))
+    assert threads == {threading.get_ident()}

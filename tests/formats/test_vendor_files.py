@@ -150,7 +150,7 @@ def test_an_imu_tk_pair_in_si_units_is_told_by_gravity_and_turns(tmp_path, motio
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"shift": 0.5}, "a_gyro.txt:1: time 0.5 s, where"),
+        ({"shift": 0.5}, "a_gyro.txt:1: time 0.5, where"),
         ({"cut": 7}, "a_acc.txt:594: has more samples"),
     ],
 )
@@ -491,7 +491,9 @@ def test_mtw_without_a_rate_asks_for_it(table, xyz, motion, load):
         load("mtw", path)
 
 
-def test_mtw_ticks_that_deny_the_header_are_refused(table, xyz, motion, load):
+def test_mtw_ticks_that_deny_the_header_are_believed_and_both_rates_are_said(
+    table, xyz, motion, load
+):
     m = motion(100)
     path = mtw(
         table,
@@ -501,8 +503,11 @@ def test_mtw_ticks_that_deny_the_header_are_refused(table, xyz, motion, load):
         {"Acc_{}": (m.acc, "XYZ")},
         first={"SampleTimeFine": 100 * np.arange(100)},
     )
-    with pytest.raises(FileProblems, match="gives 100 Hz where 50 Hz is stated"):
-        load("mtw", path)
+    session = load("mtw", path)
+    (sensor,) = session.manifest.sensors.values()
+    assert sensor.rate_hz == 100
+    (found,) = (f for f in session.manifest.findings if f.code == "time.rate_differs")
+    assert found.values["stated_hz"] == 50 and found.values["measured_hz"] == pytest.approx(100)
 
 
 # --- MATLAB

@@ -189,6 +189,8 @@ def _jackknife_covariance(
     informations = np.add.reduceat(jacobian[:, :, None] * jacobian[:, None, :], starts, axis=0)
     sizes = np.trace(informations, axis1=1, axis2=2)
     telling = sizes > 1e-6 * sizes.max()  # clusters at rest say nothing
+    if not telling.any():
+        return np.zeros((jacobian.shape[1],) * 2)
     scores, informations = scores[telling], informations[telling]
     without = jacobian.T @ jacobian - informations
     steps = (np.linalg.pinv(without, rcond=1e-10) @ scores[:, :, None])[:, :, 0]

@@ -16,6 +16,7 @@ from testbench.exceptions import FileProblems, Problem
 LONGEST_LINE = 1_000_000
 """Bytes; a longer one is no row of a table."""
 BLOCK = 1 << 22
+_TOO_LONG = f"a line is longer than {LONGEST_LINE // 1_000_000} MB; this is not a table of samples"
 _KNOWN_BINARY = {
     b"PK\x03\x04": "a zip archive or spreadsheet",
     b"\x1f\x8b": "a gzip archive",
@@ -92,12 +93,29 @@ class LineStream(io.RawIOBase):
             for line in whole:
                 yield line.decode("utf-8").rstrip("\r")
             if len(held) > LONGEST_LINE:
-                raise self._refuse(
-                    f"a line is longer than {LONGEST_LINE // 1_000_000} MB; this is not a table of "
-                    "samples"
-                )
+                raise self._refuse(_TOO_LONG)
         if held:
             yield held.decode("utf-8").rstrip("\r")
+
+    def blocks(self, size: int) -> Iterator[bytes]:
+        """Whole lines in pieces of about so many bytes; pieces of nothing but blanks are left out.
+
+        Args:
+            size: [bytes].
+        """
+        held = b""
+        while block := self.read(size):
+            whole, newline, rest = block.rpartition(b"\n")
+            if newline:
+                text, held = held + whole + newline, rest
+                if not text.isspace():
+                    yield text
+            else:
+                held += rest
+            if len(held) > LONGEST_LINE:
+                raise self._refuse(_TOO_LONG)
+        if held and not held.isspace():
+            yield held
 
     def _skip(self, count: int) -> None:
         for _ in range(count):
@@ -128,10 +146,7 @@ class LineStream(io.RawIOBase):
         whole, newline, rest = (self._held + text).rpartition(b"\n")
         self._held = rest
         if len(rest) > LONGEST_LINE:
-            raise self._refuse(
-                f"a line is longer than {LONGEST_LINE // 1_000_000} MB; this is not a table of "
-                "samples"
-            )
+            raise self._refuse(_TOO_LONG)
         return self._squeezed(whole + newline)
 
     def _decode(self, raw: bytes, final: bool = False) -> bytes:

@@ -9,6 +9,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from testbench.formats.units import TimeUnit
+
 _KINDS = {
     "acc": r"accelerometers?|accelerations?|accels?|acc|aceleracion|aceler[oó]metro",
     "gyr": r"gyroscopes?|angular[ _]?(?:velocity|rate)|rate[ _]of[ "
@@ -88,7 +90,7 @@ _TIME = re.compile(
     r"[\s_]*[\[(]?(?P<unit>s|sec|seconds|ms|us|µs|ns)?[\])]?$",
     re.I,
 )
-_TIME_UNITS = {
+_TIME_UNITS: dict[str | None, TimeUnit | None] = {
     None: None,
     "s": "s",
     "sec": "s",
@@ -100,7 +102,7 @@ _TIME_UNITS = {
 }
 
 
-def find_time(names: Sequence[str]) -> tuple[str, str | None] | None:
+def find_time(names: Sequence[str]) -> tuple[str, TimeUnit | None] | None:
     """The column of time and the unit its title states, or None."""
     for name in names:
         match = _TIME.match(name.strip())

@@ -8,15 +8,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.exceptions import FileProblems
+from testbench.formats.tables.mending import Mender
+from testbench.formats.tables.order import Order
+from testbench.formats.tables.rows import Rows
 from testbench.formats.tables.source import Columns, Kind, Source
-from testbench.formats.tables.timeline import BadRowError, CounterUnwrapper, Timeline
+from testbench.formats.tables.spaced import Spaced
+from testbench.formats.tables.timeline import (
+    YEAR_NS,
+    BadRowError,
+    CounterUnwrapper,
+    StampedTime,
+    Timeline,
+)
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
+from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples
 
 GRAVITY_UP = np.array([0.0, 0.0, STANDARD_GRAVITY])
 LATEST = 1 << 62
-YEAR_NS = 365 * 86_400 * NANOSECONDS
 
 
 @dataclass(frozen=True)
@@ -73,37 +83,34 @@ class SampleStream:
             timeline,
             counter,
         )
+        self._like: SampleStream | None = None
+        self._findings: list[Finding] = []
 
     def __iter__(self) -> Iterator[ImuSamples]:
-        timeline, unwrap = self._timeline(), CounterUnwrapper()
-        kinds = self._kinds | timeline.kinds | ({self._counter: "integer"} if self._counter else {})
-        if not kinds:
-            raise self.source.problem("no column of the file is used")
-        row, taken, latest, origin = 0, 0, -LATEST, self.origin_ns
-        for whole in self.source.chunks(kinds):
-            count = len(next(iter(whole.values())))
-            left_out = min(max(self.drop - row, 0), count)
-            columns = (
-                {name: values[left_out:] for name, values in whole.items()} if left_out else whole
-            )
-            row, count = row + left_out, count - left_out
-            if not count:
-                continue
-            try:
-                time = timeline(columns, count)
-                self._check_order(time, latest)
-                quantities = self._convert(columns)
-            except BadRowError as error:
-                raise self.source.problem(str(error), row + error.row) from None
+        taken, origin, unwrap = 0, self.origin_ns, CounterUnwrapper()
+        for rows in self._rows():
             counter = (
-                unwrap(columns[self._counter])
+                unwrap(rows.columns[self._counter])
                 if self._counter
-                else np.arange(taken, taken + count, dtype=np.int64)
+                else np.arange(taken, taken + len(rows), dtype=np.int64)
             )
             if origin is None:
-                origin = int(time[0])
-            yield _assemble(time, origin, counter, quantities)
-            row, taken, latest = row + count, taken + count, int(time[-1])
+                origin = int(rows.time[0])
+            yield _assemble(rows.time, origin, counter, self._convert(rows.columns))
+            taken += len(rows)
+
+    def with_rows_of(self, other: SampleStream | None) -> SampleStream:
+        """This stream, with the rows that another stream of the same table has.
+
+        Args:
+            other: Whose columns tell which rows repeat others; None for its own.
+        """
+        self._like = other
+        return self
+
+    def findings(self) -> list[Finding]:
+        """What was noticed of the times in the last pass that came to an end."""
+        return self._findings
 
     def first(self) -> ImuSamples:
         """The first chunk.
@@ -117,28 +124,93 @@ class SampleStream:
 
     def first_time_ns(self) -> int:
         """Time of the first sample on the file's own clock [ns], for others on the same clock."""
-        timeline = self._timeline()
-        for columns in self.source.chunks(self._kinds | timeline.kinds):
-            count = len(next(iter(columns.values())))
-            if count:
-                return int(timeline(columns, count)[0])
+        for rows in self._rows():
+            return int(rows.time[0])
         raise self.problem("there are no samples in the file")
+
+    def goes_on_until(self, time_ns: int) -> int | None:
+        """None if there are samples at or after a time on the file's own clock, else the last one.
+
+        Args:
+            time_ns: [ns].
+        """
+        last = None
+        for rows in self._rows():
+            last = int(rows.time[-1])
+            if last >= time_ns:
+                return None
+        return last
 
     def problem(self, message: str) -> FileProblems:
         """The error that says `message` of the source."""
         return self.source.problem(message)
 
-    @staticmethod
-    def _check_order(time: np.ndarray, latest: int) -> None:
-        steps = np.diff(time, prepend=latest)
-        if np.any(steps < 0):
-            row = int(np.argmax(steps < 0))
-            before, after = (time[row] - steps[row]) / NANOSECONDS, time[row] / NANOSECONDS
-            raise BadRowError(
-                f"time goes back from {before:.6f} s to {after:.6f} s; samples must stand in the "
-                "order of time",
-                row,
+    def _rows(self) -> Iterator[Rows]:
+        """Rows with their times, mended where they are stamped."""
+        timeline = self._timeline()
+        needed = self._kinds | ({self._counter: "integer"} if self._counter else {})
+        if self._like is not None:
+            needed = self._like.needed | needed
+        kinds = needed | timeline.kinds
+        if not kinds:
+            raise self.source.problem("no column of the file is used")
+        pieces = self._stamped(kinds, timeline, set(needed))
+        try:
+            if not isinstance(timeline, StampedTime):
+                yield from pieces
+                return
+            order = Order(timeline.counted_ns, timeline.local, timeline.rate is not None)
+            mender = Mender(order)
+            spaced = None if timeline.rate is None else Spaced(timeline.rate, timeline.column)
+            for rows in mender(pieces):
+                if spaced is not None:
+                    rows.time = spaced(rows.time, mender.habit)
+                yield rows
+        except BadRowError as error:
+            raise self.source.problem(str(error), error.row) from None
+        self._findings = mender.findings() + ([] if spaced is None else spaced.findings())
+
+    @property
+    def needed(self) -> dict[str, Kind]:
+        """The columns by which rows are told apart."""
+        return self._kinds | ({self._counter: "integer"} if self._counter else {})
+
+    def _stamped(
+        self, kinds: dict[str, Kind], timeline: Timeline, kept: set[str]
+    ) -> Iterator[Rows]:
+        """Rows as they are in the file."""
+        row, latest = 0, -LATEST
+        ordered = isinstance(timeline, StampedTime)  # those are put in order later
+        for whole in self.source.chunks(kinds):
+            count = len(next(iter(whole.values())))
+            left_out = min(max(self.drop - row, 0), count)
+            columns = (
+                {name: values[left_out:] for name, values in whole.items()} if left_out else whole
             )
+            row, count = row + left_out, count - left_out
+            if not count:
+                continue
+            try:
+                time = timeline(columns, count)
+                if not ordered:
+                    _check_order(time, latest)
+            except BadRowError as error:
+                raise self.source.problem(str(error), row + error.row) from None
+            own = {name: values for name, values in columns.items() if name in kept}
+            yield Rows(time, np.arange(row, row + count), own)
+            row, latest = row + count, int(time[-1])
+
+
+def _check_order(time: np.ndarray, latest: int) -> None:
+    steps = np.diff(time, prepend=latest)
+    if np.any(steps < 0):
+        row = int(np.argmax(steps < 0))
+        before, after = (time[row] - steps[row]) / NANOSECONDS, time[row] / NANOSECONDS
+        raise BadRowError(
+            f"time goes back from {before:.6f} s to {after:.6f} s; samples must stand in the "
+            "order of time",
+            row,
+        )
 
 
 def _assemble(time: np.ndarray, origin: int, counter: np.ndarray, q: Quantities) -> ImuSamples:

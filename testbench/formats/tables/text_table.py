@@ -29,9 +29,12 @@ HEAD_LINES = 200
 BLOCK_BYTES = 2 << 20
 MISSING = ["", "NaN", "nan", "NAN", "NA", "N/A", "null", "-nan", "#N/A"]
 _CLOCK = (
-    r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}(?:[.,]\d+)?)\s*"
-    r"(?:(?P<p>[AaPp])\.?\s?[Mm]\.?|Z|[+-]\d{2}:?\d{2})?\s*$"
+    r"(?:(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})[T_ ]+)?"
+    r"(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2}(?:[.,]\d+)?))?\s*"
+    r"(?:(?P<p>[AaPp])\.?\s?[Mm]\.?|Z|(?P<zone>[+-]\d{2}):?(?P<zone_min>\d{2}))?\s*$"
 )
+"""A time of day, with a date before it or not: others than those that begin with the year can be
+read in two ways and are left out."""
 
 
 def head_of(file: Path, encoding: str | None = None) -> list[str]:
@@ -140,25 +143,28 @@ class TextTable:
         at = {name: f"c{self.names.index(name)}" for name in kinds}
         types = {"float": pa.float64(), "integer": pa.int64(), "clock": pa.string()}
         done = 0
+        layout = (
+            arrow_csv.ReadOptions(
+                column_names=[f"c{i}" for i in range(self._width)],
+                block_size=2 * BLOCK_BYTES,
+                use_threads=False,
+            ),
+            arrow_csv.ParseOptions(delimiter=self.separator),
+            arrow_csv.ConvertOptions(
+                include_columns=list(at.values()),
+                column_types={at[name]: types[kind] for name, kind in kinds.items()},
+                null_values=MISSING,
+                strings_can_be_null=True,
+                decimal_point=self.decimal,
+            ),
+        )
         try:
-            with self._stream() as stream, pa.PythonFile(stream, mode="r") as source:
-                reader = arrow_csv.open_csv(
-                    source,
-                    arrow_csv.ReadOptions(
-                        column_names=[f"c{i}" for i in range(self._width)],
-                        block_size=BLOCK_BYTES,
-                        use_threads=False,
-                    ),
-                    arrow_csv.ParseOptions(delimiter=self.separator),
-                    arrow_csv.ConvertOptions(
-                        include_columns=list(at.values()),
-                        column_types={at[name]: types[kind] for name, kind in kinds.items()},
-                        null_values=MISSING,
-                        strings_can_be_null=True,
-                        decimal_point=self.decimal,
-                    ),
-                )
-                for batch in reader:
+            with self._stream() as stream:
+                for block in stream.blocks(BLOCK_BYTES):
+                    # by hand and not by open_csv: its thread that reads ahead calls Python, and
+                    # where the reading breaks off aborts the interpreter at its end
+                    table = arrow_csv.read_csv(pa.BufferReader(block), *layout)
+                    batch = table.combine_chunks().to_batches()[0]
                     columns = {
                         name: self._array(batch.column(at[name]), kind, done, name)
                         for name, kind in kinds.items()
@@ -183,14 +189,7 @@ class TextTable:
                 f"'{column[row]}' does not end in a time of day hh:mm:ss (column {name})",
                 done + row,
             )
-        h, m, s, p = (pc.struct_field(parts, i) for i in range(4))
-        hours, minutes, seconds = (
-            pc.cast(part, pa.float64()).to_numpy(zero_copy_only=False)
-            for part in (h, m, pc.replace_substring(s, ",", "."))
-        )
-        half = pc.utf8_upper(p).to_numpy(zero_copy_only=False)
-        hours = np.where(half == "", hours, hours % 12 + 12 * (half == "P"))
-        return 3600.0 * hours + 60.0 * minutes + seconds
+        return _instants(parts)
 
     def _rows(self) -> Iterator[tuple[int, str]]:
         """Number and text of every line that is a row."""
@@ -246,6 +245,39 @@ class TextTable:
                 shown = text[:40].encode("unicode_escape").decode()
                 return f"'{shown}' in the column {name} is not {what}"
         return None
+
+
+def _instants(parts: pa.Array) -> np.ndarray:
+    """Seconds since midnight, or since 1970 where there is a date; in UTC where a zone is stated.
+
+    Args:
+        parts: Structs of text as `_CLOCK` finds them, n of them.
+
+    Returns:
+        Shape (n,) [s].
+    """
+
+    def texts(part: str) -> pa.Array:
+        return pc.struct_field(parts, part)
+
+    def number(part: str) -> np.ndarray:
+        text = pc.replace_substring(pc.utf8_ltrim(texts(part), "+"), ",", ".")
+        filled = pc.if_else(pc.equal(text, ""), "0", text)
+        return pc.cast(filled, pa.float64()).to_numpy(zero_copy_only=False)
+
+    hours, half = number("h"), pc.utf8_upper(texts("p")).to_numpy(zero_copy_only=False)
+    if np.any(half != ""):
+        hours = np.where(half == "", hours, hours % 12 + 12 * (half == "P"))
+    seconds = 3600.0 * hours + 60.0 * number("m") + number("s")
+    if pc.any(pc.not_equal(texts("zone"), "")).as_py():
+        zone_min = number("zone_min")
+        behind = pc.starts_with(texts("zone"), "-").to_numpy(zero_copy_only=False)
+        seconds -= 3600.0 * number("zone") + 60.0 * np.where(behind, -zone_min, zone_min)
+    if pc.all(pc.not_equal(texts("year"), "")).as_py():
+        months = (number("year") - 1970) * 12 + number("month") - 1
+        first = months.astype(np.int64).astype("datetime64[M]").astype("datetime64[D]")
+        seconds += 86_400.0 * (first.astype(np.int64) + number("day") - 1)
+    return seconds
 
 
 def decimal_of(row: str, separator: str) -> str:

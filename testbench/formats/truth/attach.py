@@ -6,18 +6,18 @@ It is a robot's joint log, its commanded poses, or orientations of a reference s
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from testbench.exceptions import InputError
 from testbench.formats.recording import Recording
-from testbench.formats.tables.recognise import find_sensors, find_time
+from testbench.formats.stamps import Stamps
+from testbench.formats.tables.recognise import find_sensors
 from testbench.formats.tables.ros_bag import is_bag, open_bag
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
 from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import TextTable, find_table
-from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
+from testbench.formats.tables.timeline import RegularTime
 from testbench.formats.truth.markers import give_truth, read_tracked
 from testbench.formats.truth.reference import collect, reference_truth
 from testbench.formats.truth.robot_log import (
@@ -28,6 +28,8 @@ from testbench.formats.truth.robot_log import (
     read_robot_log,
 )
 from testbench.formats.truth.ros_truth import give_bag_truth, joint_log
+from testbench.formats.truth.times import later_than_samples_ns, truth_stamps
+from testbench.formats.units import find_unit
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.specs.protocol import Analysis
@@ -55,6 +57,7 @@ class TruthOptions:
         joint_unit: "deg" or "rad", where the log does not say.
         calibration_poses: The first so many commanded poses calibrate the sensors and are not
             judged.
+        time_unit: Of its times, where neither title nor size tell it.
         clusters: Markers of each sensor, or the one body that carries it, in the file of a motion
             capture system; frame or topic of a bag of ROS.
     """
@@ -69,7 +72,12 @@ class TruthOptions:
     rate: float | None = None
     joint_unit: str | None = None
     calibration_poses: int = 0
+    time_unit: str | None = None
     clusters: dict[str, list[str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.time_unit is not None:
+            self.time_unit = find_unit("time", self.time_unit).name
 
 
 def attach_truth(recording: Recording, options: TruthOptions) -> None:
@@ -126,9 +134,18 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
     log = (
         joint_log(open_bag([options.file]), joints, recording.origin_ns)
         if is_bag(options.file)
-        else read_robot_log(options.file, joints, options.rate, options.joint_unit, notes)
+        else read_robot_log(
+            options.file, joints, options.rate, options.joint_unit, notes, options.time_unit
+        )
     )
+    if options.time_unit is not None and (log.time_ns is None or options.rate is not None):
+        raise InputError(f"--truth-time-unit has no effect: no times of {options.file} are used")
     shift = round(options.offset * NANOSECONDS)
+    recording.findings += [found.at(options.file.name) for found in log.findings]
+    if log.time_ns is not None:
+        later, said = later_than_samples_ns(recording, log.unix_ns, int(log.time_ns[-1]))
+        recording.findings += said
+        shift += later
     if log.time_ns is None and options.dwell is None:
         raise InputError(
             f"{options.file} has {len(log.q)} joint poses without times: state how long each is "
@@ -198,15 +215,20 @@ def _from_orientations(recording: Recording, options: TruthOptions, notes: list[
             f"no four columns of a quaternion (q_w, q_x, q_y, q_z); it has {', '.join(table.names)}"
         )
     kinds: dict[str, Kind] = dict.fromkeys(columns, "float")
-    stream = SampleStream(table, kinds, lambda c: _only_q(c, columns), _times(table, options))
+    stamps = _stamps(table, options)
+    stream = SampleStream(table, kinds, lambda c: _only_q(c, columns), stamps.timeline)
     time, q = collect(stream)
+    said = [found.at(options.file.name) for found in (*stamps.findings, *stream.findings())]
+    unix_ns = stream.first_time_ns() if stamps.unix else None
+    later, clock = later_than_samples_ns(recording, unix_ns, int(time[-1]))
+    recording.findings += [*said, *clock]
     for name, sensor in recording.sensors.items():
         mounting = Pose.from_placement(
             options.mountings.get(name, options.mountings.get("", Placement()))
         ).quaternion
         own: list[str] = []
         sensor.truth = reference_truth(
-            time + round(options.offset * NANOSECONDS), q, mounting, None, own
+            time + later + round(options.offset * NANOSECONDS), q, mounting, None, own
         )
         notes += [note for note in own if note not in notes]
     notes.append(
@@ -234,18 +256,15 @@ def _only_q(columns: Columns, titles: list[str]) -> Quantities:
     return Quantities(None, None, None, stack(columns, titles))
 
 
-def _times(table: TextTable, options: TruthOptions) -> Callable[[], Timeline]:
-    found = find_time(table.names)
-    if options.rate is not None:
-        rate = options.rate
-        return lambda: RegularTime(rate)
-    if found is None:
+def _stamps(table: TextTable, options: TruthOptions) -> Stamps:
+    stamps = truth_stamps(table, options.rate, options.time_unit)
+    if stamps is not None:
+        return stamps
+    if options.time_unit is not None:
+        raise InputError(f"--truth-time-unit has no effect: no times of {options.file} are used")
+    if options.rate is None:
         raise InputError(
             f"{options.file} has no column of times; state its rate with --truth-rate HZ"
         )
-    column, unit = found
-
-    def make() -> Timeline:
-        return StampedTime(column, unit or "s")  # type: ignore[arg-type]
-
-    return make
+    rate = options.rate
+    return Stamps(lambda: RegularTime(rate), [])

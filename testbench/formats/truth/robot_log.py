@@ -11,7 +11,7 @@ taken in their order.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,6 @@ import numpy as np
 from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.recording import ImportedSensor
 from testbench.formats.tables.bytes_stream import LineStream, encoding_of
-from testbench.formats.tables.recognise import find_time
 from testbench.formats.tables.samples_stream import Quantities, SampleStream
 from testbench.formats.tables.source import Kind
 from testbench.formats.tables.text_table import (
@@ -29,11 +28,13 @@ from testbench.formats.tables.text_table import (
     head_of,
     split_line,
 )
-from testbench.formats.tables.timeline import RegularTime, StampedTime
+from testbench.formats.tables.timeline import RegularTime
+from testbench.formats.truth.times import truth_stamps
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.model.windows import savitzky_golay
+from testbench.records.findings.finding import Finding
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import Truth
 from testbench.records.specs.protocol_steps import Role
@@ -59,14 +60,23 @@ class RobotLog:
     Attributes:
         time_ns: From the first row, shape (n,), int64, or None for a list without times.
         q: Shape (n, n_joints) [rad].
+        unix_ns: Unix time of the first row [ns], None where its times are none.
+        findings: What was noticed of its times.
     """
 
     time_ns: np.ndarray | None
     q: np.ndarray
+    unix_ns: int | None = None
+    findings: list[Finding] = field(default_factory=list)
 
 
 def read_robot_log(
-    file: Path, joints: list[str], rate: float | None, unit: str | None, notes: list[str]
+    file: Path,
+    joints: list[str],
+    rate: float | None,
+    unit: str | None,
+    notes: list[str],
+    time_unit: str | None = None,
 ) -> RobotLog:
     """Read a joint log.
 
@@ -80,10 +90,11 @@ def read_robot_log(
         rate: Of a log without times [Hz], or None.
         unit: "deg" or "rad", None to go by the titles.
         notes: Appended to.
+        time_unit: Of its times, None to go by their title and size.
 
     Raises:
         FileProblems: The file is no such log.
-        InputError: The unit cannot be told.
+        InputError: A unit cannot be told.
     """
     lists = _lists(file, len(joints), notes)
     if lists is not None:
@@ -97,13 +108,8 @@ def read_robot_log(
     table = _table(file, joints, notes)
     columns, stated = _joint_columns(table, joints)
     kinds: dict[str, Kind] = dict.fromkeys(columns, "float")
-    time = find_time(table.names)
-
-    def timeline():  # type: ignore[no-untyped-def]
-        if time is None or rate is not None:
-            return RegularTime(rate or 1.0)
-        return StampedTime(time[0], time[1] or "s")  # type: ignore[arg-type]
-
+    stamps = truth_stamps(table, rate, time_unit)
+    timeline = stamps.timeline if stamps is not None else lambda: RegularTime(rate or 1.0)
     times, angles = [], []
     stream = SampleStream(
         table,
@@ -125,10 +131,11 @@ def read_robot_log(
             "time_s,J1,J2,..."
         )
     q = q * _factor(q, stated, unit, file, notes)
-    has_times = time is not None or rate is not None
-    if time is not None and rate is None and time[1] is None:
-        notes.append(f"the column {time[0]} is taken for seconds")
-    return RobotLog(np.concatenate(times) if has_times else None, q)
+    if stamps is None:
+        return RobotLog(np.concatenate(times) if rate is not None else None, q)
+    unix_ns = stream.first_time_ns() if stamps.unix else None
+    found = [*stamps.findings, *stream.findings()]
+    return RobotLog(np.concatenate(times), q, unix_ns, found)
 
 
 def _lists(file: Path, joints: int, notes: list[str]) -> np.ndarray | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 
 from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.axes import IDENTITY, AxisMap, AxisNames, find_axes
+from testbench.formats.common_clock import share_clock
 from testbench.formats.mapping import (
     MappingSpec,
     QuaternionColumns,
@@ -26,6 +26,13 @@ from testbench.formats.names import sensor_name, stem_without_stamp, unique_name
 from testbench.formats.options import Options
 from testbench.formats.plausibility import Evidence, decide_unit, gather
 from testbench.formats.recording import ImportedSensor, Recording
+from testbench.formats.stamps import (
+    LOWEST_OF_TRUTH_HZ,
+    Asking,
+    Stamps,
+    rate_differs,
+    read_stamps,
+)
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.tables.parquet_table import ParquetTable
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
@@ -38,11 +45,12 @@ from testbench.formats.tables.text_table import (
     head_of,
     split_line,
 )
-from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
+from testbench.formats.tables.timeline import RegularTime
 from testbench.formats.truth.reference import collect, reference_truth
 from testbench.model import rotation
 from testbench.model.kinematics import Pose
 from testbench.records.disk.yaml_file import YamlDocument
+from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import Truth
 
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": BLANKS}
@@ -96,7 +104,8 @@ def read(files: list[Path], options: Options) -> Recording:
     tables = {file: open_table(file, spec.text) for file in files}
     notes = [f"mapping: {document.file.name}: {spec.description}"]
     sensors = {}
-    for key, label, file in _assign(document, files):
+    assigned = _assign(document, files)
+    for key, label, file in assigned:
         sensors[label] = _sensor(
             Place(document, ("sensors", key)),
             spec.sensors[key],
@@ -116,8 +125,16 @@ def read(files: list[Path], options: Options) -> Recording:
     )
     if spec.estimate is not None:
         analysis = analysis.model_copy(update={"estimate": spec.estimate})
+    findings: list[Finding] = []
+    if len({file for _, _, file in assigned}) > 1:
+        findings = share_clock(sensors, None, "their times are no Unix times")
     return Recording(
-        sensor_name(stem_without_stamp(files[0].stem)), spec.description, sensors, analysis, notes
+        sensor_name(stem_without_stamp(files[0].stem)),
+        spec.description,
+        sensors,
+        analysis,
+        notes,
+        findings,
     )
 
 
@@ -205,17 +222,36 @@ def _columns(place: Place, table: Table, wanted: list[str | int]) -> list[str]:
     return result
 
 
-def _timeline(
-    place: Place, table: Table, time: TimeColumn | None, rate: float | None, counter: str | None
-) -> Callable[[], Timeline]:
-    if time is not None:
+def _stamps(
+    place: Place,
+    table: Table,
+    time: TimeColumn | None,
+    rate: float | None,
+    counter: str | None,
+    asking: Asking,
+) -> Stamps:
+    """What makes the times: a counter or the column of times where a person states the rate."""
+    if time is not None and (asking.rate is None or counter is None):
         (column,) = _columns(place.inside("time", "column"), table, [time.column])
-        return lambda: StampedTime(column, time.unit, time.wraps_bits)
+        return read_stamps(table, column, time.unit, asking, time.wraps_bits)
     if rate is None:
         raise place.problem(
             "neither time nor rate_hz is given; state the sampling rate here, or with --rate HZ"
         )
-    return lambda: RegularTime(rate, counter)
+    return Stamps(lambda: RegularTime(rate, counter), [])
+
+
+def _rates_differ(whole: MappingSpec, options: Options, stamps: Stamps) -> list[Finding]:
+    """What is said of a rate that is stated beside a column of times."""
+    if whole.time is None:
+        return []
+    if options.rate is not None:
+        leave = "leave --rate out to believe the stamps"
+        return rate_differs(options.rate, "--rate", stamps.rate, False, leave)
+    if whole.rate_hz is None:
+        return []
+    correct = "correct rate_hz or time.unit of the mapping, or state the rate with --rate HZ"
+    return rate_differs(whole.rate_hz, "rate_hz of the mapping", stamps.rate, True, correct)
 
 
 def _decided_units(
@@ -249,9 +285,16 @@ def _sensor(
     )
     stated_rate = options.rate_or(whole.rate_hz)
     use_rate = options.rate is not None or whole.time is None
-    timeline = _timeline(
-        replace(place, path=()), table, None if use_rate else whole.time, stated_rate, counter
+    by_clock = whole.time is None or whole.time.unit == "clock"
+    answer = None if by_clock else options.unit("time", None)
+    asking = Asking(
+        f"{table.file}: sensor '{name}'",
+        None if answer is None else answer.name,
+        key="time.unit: UNIT",
+        rate=options.rate,
     )
+    stamps = _stamps(replace(place, path=()), table, whole.time, stated_rate, counter, asking)
+    findings = [*stamps.findings, *_rates_differ(whole, options, stamps)]
     axes = _axes(place, spec.axes)
     vectors: dict[str, tuple[list[str], VectorColumns, AxisMap]] = {}
     for quantity in ("acc", "gyr", "mag"):
@@ -304,7 +347,7 @@ def _sensor(
             temperature=columns[title] if title else None,
         )
 
-    stream = SampleStream(table, kinds, convert, timeline, counter)
+    stream = SampleStream(table, kinds, convert, stamps.timeline, counter)
     rate = (stated_rate if use_rate else None) or measured_rate(stream.first()) or stated_rate
     if rate is None:
         raise table.problem(f"the times of sensor '{name}' tell no rate; state it with --rate HZ")
@@ -312,7 +355,7 @@ def _sensor(
     if open_units:
         factors |= _decided_units(place, open_units, gather(stream, rate), name, notes)
     truth = (
-        _truth(place.inside("truth"), spec.truth, table, timeline, stream, axes, notes)
+        _truth(place.inside("truth"), spec.truth, table, stamps, stream, axes, notes)
         if spec.truth
         else None
     )
@@ -327,7 +370,14 @@ def _sensor(
         else {}
     )
     return ImportedSensor(
-        stream, round(rate, 3), spec.description or whole.description, truth, details
+        stream,
+        round(rate, 3),
+        spec.description or whole.description,
+        truth,
+        details,
+        findings,
+        stream.findings,
+        stamps.unix,
     )
 
 
@@ -367,15 +417,19 @@ def _truth(
     place: Place,
     spec: TruthColumns,
     table: Table,
-    timeline: Callable[[], Timeline],
+    stamps: Stamps,
     stream: SampleStream,
     axes: AxisMap,
     notes: list[str],
 ) -> Truth:
     source, origin = table, stream.origin_ns
+    like: SampleStream | None = stream
     if spec.file is not None:
         source = open_table(table.file.parent / Path(spec.file).name, spec.text)
-        timeline = _timeline(place, source, spec.time, spec.rate_hz, None)
+        key = "truth.time.unit: UNIT in the mapping"
+        asking = Asking(f"{source.file}", flag=key, lowest_hz=LOWEST_OF_TRUTH_HZ)
+        stamps = _stamps(place, source, spec.time, spec.rate_hz, None, asking)
+        like = None
         origin = stream.first_time_ns() if spec.same_clock else None
     titles = _columns(place.inside("columns"), source, spec.columns)
     marks = (
@@ -389,7 +443,8 @@ def _truth(
         )
 
     kinds: dict[str, Kind] = dict.fromkeys([*titles, *marks], "float")
-    chunks = list(SampleStream(source, kinds, convert, timeline, origin_ns=origin))
+    made = stamps.timeline
+    chunks = list(SampleStream(source, kinds, convert, made, origin_ns=origin).with_rows_of(like))
     time, q = collect(chunks)
     judged = np.concatenate([chunk.saturated for chunk in chunks]) if marks else None
     # without a mounting, the body is the sensor with the axes of the file

@@ -26,6 +26,7 @@ from testbench.formats.options import Options
 from testbench.formats.plausibility import decide_unit, gather
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.suitable import suitable_analysis
+from testbench.formats.table_sensors import asked_stamps
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
 from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import (
@@ -35,7 +36,6 @@ from testbench.formats.tables.text_table import (
     head_of,
     split_line,
 )
-from testbench.formats.tables.timeline import StampedTime
 from testbench.formats.units import find_unit
 
 NAMES = ["time", "x", "y", "z"]
@@ -52,6 +52,11 @@ class PairedTable:
 
     acc: TextTable
     gyr: TextTable
+
+    @property
+    def file(self) -> Path:
+        """Of the accelerometer."""
+        return self.acc.file
 
     @property
     def names(self) -> list[str]:
@@ -78,8 +83,8 @@ class PairedTable:
             if apart.any():
                 i = int(np.argmax(apart))
                 raise self.gyr.problem(
-                    f"time {gyr[i, 0]:g} s, where {self.acc.file.name} has {acc[i, 0]:g} s: not a "
-                    "pair",
+                    f"time {gyr[i, 0]:.10g}, where {self.acc.file.name} has {acc[i, 0]:.10g}: not "
+                    "a pair",
                     row + i,
                 )
             held = [held[0][count:], held[1][count:]]
@@ -121,6 +126,7 @@ def read(files: list[Path], options: Options) -> Recording:
         acc, gyr = gyr, acc
     source = PairedTable(_table(acc), _table(gyr))
     columns: dict[str, Kind] = dict.fromkeys(source.names[1:], "float")
+    stamps = asked_stamps(source, "time", "s", "imu", options)
 
     def stream(acc_factor: float, gyr_factor: float, offset: float) -> SampleStream:
         def convert(chunk: Columns) -> Quantities:
@@ -129,11 +135,11 @@ def read(files: list[Path], options: Options) -> Recording:
             )
             return Quantities((raw_gyr - offset) * gyr_factor, (raw_acc - offset) * acc_factor)
 
-        return SampleStream(source, columns, convert, lambda: StampedTime("time", "s"))
+        return SampleStream(source, columns, convert, stamps.timeline)
 
     plain = stream(1.0, 1.0, 0.0)
     head = plain.first()
-    rate = measured_rate(head)
+    rate = options.rate_or(None) or measured_rate(head)
     if rate is None:
         raise source.problem("two samples at least, at different times, are needed")
     notes = [f"{acc.name} is the accelerometer, {gyr.name} the gyroscope"]
@@ -164,10 +170,18 @@ def read(files: list[Path], options: Options) -> Recording:
         )
         notes.append(
             f"units {acc_unit.name} and {gyr_unit.name}, by "
-            f"{'your answer' if options.units else 'gravity and turning'}"
+            f"{'your answer' if {'acc', 'gyr'} & options.units.keys() else 'gravity and turning'}"
         )
         description = "accelerometer and gyroscope (imu_tk text)"
-    sensor = ImportedSensor(chosen, round(rate, 3), description, details=details)
+    sensor = ImportedSensor(
+        chosen,
+        round(rate, 3),
+        description,
+        details=details,
+        findings=stamps.findings,
+        told=chosen.findings,
+        unix=stamps.unix,
+    )
     label = sensor_name(re.sub(r"[_-]?acc\w*$", "", acc.stem, flags=re.I) or acc.stem)
     return Recording(
         label,

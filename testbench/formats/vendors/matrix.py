@@ -19,10 +19,11 @@ from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
-from testbench.formats.tables.source import Columns, Kind
+from testbench.formats.tables.source import Columns, Kind, first_rows
 from testbench.formats.tables.text_table import find_table, head_of, split_line
 from testbench.formats.tables.timeline import SpreadTime, StampedTime, rate_of_stamps
 from testbench.frames import NANOSECONDS
+from testbench.records.findings.catalogue import finding
 
 NOMINAL_RATE = 100.0
 TEMPERATURE = "ambient_temp"
@@ -48,13 +49,21 @@ def read(files: list[Path], options: Options) -> Recording:
         sensors[name], own, first = _sensor(file, options)
         dates.append(recorded(first, f"dateTime in {file.name}"))
         notes += [f"{name}: {note}" for note in own]
+    findings = []
     if len(files) > 1:
-        notes.append("the host time of each sensor begins at 0 with its own first sample")
+        why = "each has a clock of its own, which its stamps tell to a second"
+        findings.append(finding("clock.own", why=why))
     heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     label = sensor_name(files[0].stem) if len(files) == 1 else "matrix"
     purpose = "MATRIX recording (accelerometer and gyroscope)"
     return Recording(
-        label, purpose, sensors, suitable_analysis(heads), notes, recorded=earliest(dates)
+        label,
+        purpose,
+        sensors,
+        suitable_analysis(heads),
+        notes,
+        findings,
+        recorded=earliest(dates),
     )
 
 
@@ -79,17 +88,27 @@ def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], st
     assert gyr_unit is not None
     notes = []
     rate = options.rate_or(None)
+    first_stamps = first_rows(table, {stamp: "clock"})[stamp]
+    whole_s = 60.0 if np.all(first_stamps % 60 == 0) and len(first_stamps) > 1 else 1.0
     if rate is None:
         seconds = StampedTime(stamp, "clock")
         stamps = [seconds(columns, len(columns[stamp])) for columns in table.chunks(seconds.kinds)]
-        rate, doubt = rate_of_stamps(np.concatenate(stamps) // NANOSECONDS, NOMINAL_RATE)
+        all_stamps = np.concatenate(stamps) // NANOSECONDS
+        rate, doubt = rate_of_stamps(all_stamps, NOMINAL_RATE, whole_s)
+        if whole_s > 1 and np.isinf(doubt):
+            raise table.problem(
+                f"{stamp} has whole minutes, and none of them is whole in the file: state the "
+                "sampling rate with --rate HZ"
+            )
         how = (
             "nominal; the stamps cannot tell"
             if np.isinf(doubt)
-            else f"by the stamps of whole seconds, to {doubt:.2g} Hz"
+            else f"by the stamps of whole {'minutes' if whole_s > 1 else 'seconds'}, to "
+            f"{doubt:.2g} Hz"
         )
         notes.append(
-            f"rate {rate:.6g} Hz ({how}); the samples are spread evenly over their seconds"
+            f"rate {rate:.6g} Hz ({how}); the samples are spread evenly over their "
+            f"{'minutes' if whole_s > 1 else 'seconds'}"
         )
     kinds: dict[str, Kind] = dict.fromkeys(
         [titles[name] for name in [*ACC, *GYR, TEMPERATURE] if name in titles], "float"
@@ -107,7 +126,7 @@ def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], st
     left = [name for name in table.names if name and name.lower() not in {*wanted, TEMPERATURE}]
     if left:
         notes.append(f"columns that were not read: {', '.join(left)}")
-    stream = SampleStream(table, kinds, convert, lambda: SpreadTime(stamp, rate))
+    stream = SampleStream(table, kinds, convert, lambda: SpreadTime(stamp, rate, whole_s))
     first = next((line for line in head_of(file)[table.first_line - 1 :] if line.strip()), "")
     stamps_text = dict(zip(table.names, split_line(first, table.separator), strict=False)).get(
         stamp, ""

@@ -163,6 +163,7 @@ def _sensor(
                 f"{kind}_{axis}": found_arrays[kind][:, i].copy() for i, axis in enumerate(axes)
             }
     stamped = "time" in found_arrays and np.all(np.isfinite(found_arrays["time"]))
+    stated_rate: float | None = None
     if not stamped and options.rate is None:
         if "rate" in found_arrays:
             rate = float(found_arrays["rate"][0])
@@ -178,8 +179,8 @@ def _sensor(
                 file,
                 [Problem(f"a sampling rate of {rate:g} Hz cannot be; state it with --rate HZ")],
             )
-        found_arrays["time"] = np.arange(count) / rate
-    if options.rate is None:
+        stated_rate = rate
+    if stamped:
         arrays["time"] = found_arrays["time"]
     notes += (
         [f"{name}: quaternions are taken for q_earth_from_sensor, w first"]
@@ -187,6 +188,10 @@ def _sensor(
         else []
     )
     layout = Layout(
-        "inertial sensor of a MATLAB file", {}, "time" if options.rate is None else None, "s"
+        "inertial sensor of a MATLAB file",
+        {},
+        "time" if stamped else None,
+        None,
+        rate=stated_rate,
     )
     return table_sensor(ArrayTable(file, arrays), found, layout, name, options, notes)

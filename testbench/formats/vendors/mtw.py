@@ -11,31 +11,32 @@ Roll, Pitch, Yaw are earth-fixed (ZYX) in degrees. Earth is ENU unless the heade
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.common_clock import share_clock
 from testbench.formats.dates import earliest, recorded
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
+from testbench.formats.stamps import Asking, Stamps, rate_differs, read_stamps
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.tables.samples_stream import (
     Quantities,
     SampleStream,
     increment_rate,
-    measured_rate,
     specific_force,
     stack,
 )
 from testbench.formats.tables.source import Columns, Kind, first_rows
 from testbench.formats.tables.text_table import TextTable, find_table
-from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
+from testbench.formats.tables.timeline import RegularTime
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.earths import Q_ENU_FROM
+from testbench.records.findings.finding import Finding
 
 SETS = {
     "acc": ["Acc_X", "Acc_Y", "Acc_Z"],
@@ -51,6 +52,9 @@ SETS = {
 }
 COUNTER, TICKS = "PacketCounter", "SampleTimeFine"
 TICK_NS = NANOSECONDS // 10_000
+LOWEST_HZ = 10.0
+"""An MTw Awinda puts out 40 to 120 Hz, by the number of sensors (user manual), an MTi 400 Hz if
+nothing else is set: less is a rate of microseconds that were taken for ticks."""
 
 
 def read(files: list[Path], options: Options) -> Recording:
@@ -88,8 +92,7 @@ def read(files: list[Path], options: Options) -> Recording:
     sensors = {}
     for name, (table, header) in zip(names, opened, strict=True):
         sensors[name] = _sensor(name, table, header, options, notes)
-    if len(files) > 1:
-        notes.append("the host time of each sensor begins at 0 with its own first sample")
+    tables = {name: table for name, (table, _) in zip(names, opened, strict=True)}
     heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     label = sensor_name(files[0].stem) if len(files) == 1 else "mtw"
     date = earliest(
@@ -102,6 +105,7 @@ def read(files: list[Path], options: Options) -> Recording:
         sensors,
         suitable_analysis(heads),
         notes,
+        _clock(sensors, tables),
         recorded=date,
     )
 
@@ -132,7 +136,7 @@ def _sensor(
         )
     kinds: dict[str, Kind] = dict.fromkeys(used, "float")
     counter = titles.get(COUNTER.lower())
-    rate, timeline, how = _time(table, header, titles, counter, options)
+    rate, stamps, how = _time(name, table, header, titles, options)
     notes.append(f"{name}: {how}")
     units = {
         q: options.unit(q, stated)
@@ -194,41 +198,92 @@ def _sensor(
         "ProductCode": "product",
     }
     details = {key: header[title] for title, key in kept.items() if header.get(title)}
-    stream = SampleStream(table, kinds, convert, timeline, counter)
-    return ImportedSensor(stream, rate, "Xsens MTw or MTi, exported by MT Manager", details=details)
+    stream = SampleStream(table, kinds, convert, stamps.timeline, counter)
+    return ImportedSensor(
+        stream,
+        rate,
+        "Xsens MTw or MTi, exported by MT Manager",
+        details=details,
+        findings=stamps.findings,
+        told=stream.findings,
+        unix=stamps.unix,
+    )
 
 
 def _time(
+    name: str,
     table: TextTable,
     header: dict[str, str],
     titles: dict[str, str],
-    counter: str | None,
     options: Options,
-) -> tuple[float, Callable[[], Timeline], str]:
+) -> tuple[float, Stamps, str]:
     """Rate [Hz], what makes the times, and a note on where they come from."""
     found = re.match(r"([0-9.]+)\s*Hz", header.get("Update Rate", ""))
-    rate = options.rate_or(float(found.group(1)) if found else None)
-    ticks = titles.get(TICKS.lower())
-    if ticks is not None and np.isfinite(first_rows(table, {ticks: "float"})[ticks]).all():
-
-        def stamped() -> StampedTime:
-            return StampedTime(ticks, "us", bits=32, tick_ns=TICK_NS)
-
-        probe = SampleStream(
-            table, {ticks: "integer"}, lambda columns: Quantities(None, None), stamped
-        )
-        measured = measured_rate(probe.first())
-        if measured is None or (rate is not None and abs(measured / rate - 1) > 0.05):
-            told = (
-                f"{TICKS}, in ticks of 0.1 ms, gives {measured or 0:.4g} Hz where {rate or 0:g} Hz "
-                "is stated"
-            )
-            raise table.problem(f"{told}; one of them is wrong: remove it from the file")
-        return rate or round(measured, 3), stamped, f"times by {TICKS} in ticks of 0.1 ms"
+    stated = float(found.group(1)) if found else None
+    counter, ticks = titles.get(COUNTER.lower()), titles.get(TICKS.lower())
+    rate = options.rate_or(stated)
+    stamps = _by_ticks(name, table, ticks, stated, options)
+    if stamps is not None and (options.rate is None or counter is None):
+        measured = round(stamps.rate or 0.0, 3)
+        denied = options.rate is None and bool(rate_differs(rate or measured, "", measured, True))
+        return measured if denied else rate or measured, stamps, f"times by {TICKS}"
     if rate is None:
         raise InputError(
             f"{table.file}: neither an update rate in the header nor {TICKS}; state the sampling "
             "rate with --rate HZ"
         )
     steps = f"times by {COUNTER} at {rate:g} Hz" if counter else f"times by the rows at {rate:g} Hz"
-    return rate, lambda: RegularTime(rate, counter), steps
+    findings = [] if stamps is None else stamps.findings
+    return rate, Stamps(lambda: RegularTime(rate, counter), findings), steps
+
+
+def _by_ticks(
+    name: str, table: TextTable, ticks: str | None, stated: float | None, options: Options
+) -> Stamps | None:
+    """Times by SampleTimeFine, None where the file has none."""
+    if ticks is None or not np.isfinite(first_rows(table, {ticks: "float"})[ticks]).all():
+        return None
+    answer = options.unit("time", None)
+    asking = Asking(
+        f"{table.file}: sensor '{name}'",
+        None if answer is None else answer.name,
+        lowest_hz=LOWEST_HZ,
+        rate=options.rate_or(None),
+    )
+    stamps = read_stamps(table, ticks, None, asking, bits=32, tick_ns=TICK_NS)
+    if stamps.rate is None and options.rate is None:
+        raise table.problem(f"{TICKS} stands still; state the sampling rate with --rate HZ")
+    if options.rate is not None:
+        leave = "leave --rate out to believe the stamps"
+        more = rate_differs(options.rate, "--rate", stamps.rate, False, leave)
+    else:
+        how = "--rate HZ states the rate, --unit time=UNIT that of the stamps"
+        more = [] if stated is None else rate_differs(stated, "the header", stamps.rate, True, how)
+    stamps.findings.extend(more)
+    return stamps
+
+
+def _clock(sensors: dict[str, ImportedSensor], tables: dict[str, TextTable]) -> list[Finding]:
+    """Sensors of one Awinda station share its PacketCounter; its recordings have one name."""
+    if len(sensors) < 2:
+        return []
+    stems = {
+        re.sub(r"_[0-9A-F]{8}$", "", t.file.stem, flags=re.IGNORECASE) for t in tables.values()
+    }
+    counters = {
+        key: next((title for title in table.names if title.lower() == COUNTER.lower()), None)
+        for key, table in tables.items()
+    }
+    rates = [sensor.rate for sensor in sensors.values()]
+    if len(stems) > 1 or None in counters.values() or max(rates) > 1.01 * min(rates):
+        why = f"they are no recordings of one name with one rate, or lack {COUNTER}"
+        return share_clock(sensors, None, why)
+    first = {
+        key: int(first_rows(tables[key], {title: "integer"})[title][0])
+        for key, title in counters.items()
+        if title is not None
+    }
+    zero, span = next(iter(first.values())), 1 << 16
+    leads = {key: (count - zero + span // 2) % span - span // 2 for key, count in first.items()}
+    times = {key: round(lead * NANOSECONDS / rates[0]) for key, lead in leads.items()}
+    return share_clock(sensors, f"the {COUNTER} of one station", "", times)

@@ -15,6 +15,7 @@ import re
 from pathlib import Path
 
 from testbench.exceptions import InputError
+from testbench.formats.common_clock import share_clock
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
@@ -65,7 +66,12 @@ def read(files: list[Path], options: Options) -> Recording:
     heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     label = names[0] if len(names) == 1 else "ngimu"
     return Recording(
-        sensor_name(label), "NGIMU recording", sensors, suitable_analysis(heads), notes
+        sensor_name(label),
+        "NGIMU recording",
+        sensors,
+        suitable_analysis(heads),
+        notes,
+        share_clock(sensors, "the time that NGIMUs of one session write", ""),
     )
 
 

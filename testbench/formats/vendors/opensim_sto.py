@@ -17,6 +17,7 @@ from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.suitable import suitable_analysis
+from testbench.formats.table_sensors import asked_stamps
 from testbench.formats.tables.samples_stream import (
     Quantities,
     SampleStream,
@@ -25,7 +26,6 @@ from testbench.formats.tables.samples_stream import (
 )
 from testbench.formats.tables.source import Columns
 from testbench.formats.tables.sto_table import AXES, TIME, StoTable, find_sto
-from testbench.formats.tables.timeline import RegularTime, StampedTime, Timeline
 from testbench.model import rotation
 
 Q_WORLD_FROM_GROUND = rotation.from_rotation_vector(np.array([np.pi / 2, 0.0, 0.0]))
@@ -74,12 +74,15 @@ def _sensor(table: StoTable, body: str, ground: bool, options: Options) -> Impor
         )
 
     stated = options.rate_or(None)
-
-    def timeline() -> Timeline:
-        return StampedTime(TIME, "s") if stated is None else RegularTime(stated)
-
-    stream = SampleStream(table, dict.fromkeys(titles, "float"), convert, timeline)
+    stamps = asked_stamps(table, TIME, "s", body, options)
+    stream = SampleStream(table, dict.fromkeys(titles, "float"), convert, stamps.timeline)
     rate = stated or measured_rate(stream.first())
     if rate is None:
         raise table.problem("its times tell no rate; state it with --rate HZ")
-    return ImportedSensor(stream, round(rate, 3), f"orientation of {body} in an OpenSim table")
+    return ImportedSensor(
+        stream,
+        round(rate, 3),
+        f"orientation of {body} in an OpenSim table",
+        findings=stamps.findings,
+        told=stream.findings,
+    )

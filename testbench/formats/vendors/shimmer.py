@@ -13,6 +13,7 @@ import re
 from pathlib import Path
 
 from testbench.exceptions import InputError
+from testbench.formats.common_clock import share_clock
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import Recording
@@ -60,7 +61,12 @@ def read(files: list[Path], options: Options) -> Recording:
     heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     label = sensor_name(files[0].stem) if len(files) == 1 else "shimmer"
     return Recording(
-        label, "Shimmer recording exported by Consensys", sensors, suitable_analysis(heads), notes
+        label,
+        "Shimmer recording exported by Consensys",
+        sensors,
+        suitable_analysis(heads),
+        notes,
+        share_clock(sensors, None, "a Timestamp counts since power-up, Timestamp_Unix does not"),
     )
 
 
@@ -139,8 +145,8 @@ def _time(
         if kind.startswith("Timestamp") and "" in columns
     ]
     stamps.sort(
-        key=lambda title: ("Formatted" in title, "Sync" not in title)
-    )  # numbers before dates, synchronised before not
+        key=lambda title: ("Formatted" in title, "Unix" not in title, "Sync" not in title)
+    )  # numbers before dates, those that other devices share before others
     if not stamps:
         return None, "ms"
     unit = units.get(stamps[0], "ms")

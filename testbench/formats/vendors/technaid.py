@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import FileProblems, InputError
+from testbench.formats.common_clock import share_clock
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import Recording
@@ -29,6 +30,7 @@ from testbench.formats.tables.joined_table import Joined, JoinedTable
 from testbench.formats.tables.recognise import Found, find_sensors, find_time
 from testbench.formats.tables.source import Columns, Kind, Source
 from testbench.formats.tables.text_table import TextTable, find_table
+from testbench.records.findings.finding import Finding
 
 _HEADER = re.compile(r"acc\w*[\s_.\-]*x|gyr\w*[\s_.\-]*x|(quat\w*|q)[\s_.\-]*[w0]\b", re.IGNORECASE)
 _CAPTURE = re.compile(
@@ -90,18 +92,17 @@ def read(files: list[Path], options: Options) -> Recording:
     for name, (part, other) in zip(names, pairs, strict=True):
         source: Source = part.table
         time, found = find_time(part.table.names), part.found
-        column, unit = (time[0], time[1] or "s") if time else (None, "s")
+        column, unit = time or (None, None)
         if other is not None:
             source, found = _joined(part, other, notes, name)
-        layout = Layout("Technaid Tech-IMU", {}, column, unit)  # type: ignore[arg-type]
-        if time and time[1] is None and options.rate is None:
-            notes.append(
-                f"{name}: the column {time[0]} is taken for seconds; state --rate if it is not"
-            )
+        layout = Layout("Technaid Tech-IMU", {}, column, unit)
         result[name] = table_sensor(source, found, layout, name, options, notes)
     heads = [head for head in (sensor.head() for sensor in result.values()) if head is not None]
     label = sensor_name(stem_without_stamp(files[0].stem)) if len(files) == 1 else "technaid"
-    return Recording(label, "Technaid recording", result, suitable_analysis(heads), notes)
+    findings: list[Finding] = []
+    if len({part.table.file for part, _ in pairs}) > 1:
+        findings = share_clock(result, None, "their times are no Unix times")
+    return Recording(label, "Technaid recording", result, suitable_analysis(heads), notes, findings)
 
 
 def _pairs(parts: list[Part]) -> list[tuple[Part, Part | None]]:

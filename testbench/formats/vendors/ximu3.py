@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import FileProblems, InputError, Problem
+from testbench.formats.common_clock import share_clock
 from testbench.formats.dates import Recorded, earliest, recorded
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
@@ -142,6 +143,7 @@ def read(files: list[Path], options: Options) -> Recording:
         sensors,
         suitable_analysis(heads),
         notes,
+        share_clock(sensors, None, "their timestamps count since power-up"),
         recorded=earliest(_command_date(folder) for folder in devices),
     )
 

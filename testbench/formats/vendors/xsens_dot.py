@@ -11,14 +11,17 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.common_clock import common_clock
 from testbench.formats.dates import Recorded, earliest, recorded
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
+from testbench.formats.stamps import Asking, Stamps, rate_differs, read_stamps
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.tables.samples_stream import (
     Quantities,
@@ -30,8 +33,11 @@ from testbench.formats.tables.samples_stream import (
 )
 from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import TextTable, find_table
-from testbench.formats.tables.timeline import StampedTime
+from testbench.formats.units import SECONDS, TimeUnit
+from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 
 TIME, COUNTER = "SampleTimeFine", "PacketCounter"
 SETS = {
@@ -63,7 +69,9 @@ class DotFile:
     rate: float
     drop: int
     first_tick: int
+    tick_ns: int
     notes: list[str]
+    stamps: Stamps
 
 
 def read(files: list[Path], options: Options) -> Recording:
@@ -79,7 +87,7 @@ def read(files: list[Path], options: Options) -> Recording:
     """
     if not files:
         raise InputError("an Xsens DOT recording needs at least one file")
-    dots = [_open(file) for file in files]
+    dots = [_open(file, options) for file in files]
     stems = [stem_without_stamp(file.stem) for file in files]
     if len(set(map(str.lower, stems))) < len(stems):
         stems = [dot.header.get("DeviceTag") or stem for dot, stem in zip(dots, stems, strict=True)]
@@ -88,20 +96,11 @@ def read(files: list[Path], options: Options) -> Recording:
         dot.header.get("SyncStatus", "").lower() == "synced" for dot in dots
     )
     notes: list[str] = []
-    if synced:
-        notes.append(
-            "the files say Synced: the sensors share one clock, whose first sample is host time 0"
-        )
-    elif len(dots) > 1:
-        notes.append(
-            "the files do not say Synced: the host time of each sensor begins at 0 with its own "
-            "first sample"
-        )
     ahead = [(dot.first_tick - dots[0].first_tick + WRAP // 2) % WRAP - WRAP // 2 for dot in dots]
     sensors = {}
     for name, dot, lead in zip(names, dots, ahead, strict=True):
-        own = dot.first_tick * 1000
-        sensors[name] = _sensor(dot, own - (lead - min(ahead)) * 1000 if synced else own, options)
+        begun = dot.first_tick - (lead - min(ahead) if synced else 0)
+        sensors[name] = _sensor(dot, begun * dot.tick_ns, options)
         notes += [f"{name}: {note}" for note in dot.notes]
     heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     tag = sensor_name(stem_without_stamp(files[0].stem)) if len(files) == 1 else "xsens_dot"
@@ -111,8 +110,18 @@ def read(files: list[Path], options: Options) -> Recording:
         sensors,
         suitable_analysis(heads),
         notes,
+        _clock([lead * dots[0].tick_ns for lead in ahead], synced),
         recorded=_date(dots),
     )
+
+
+def _clock(ahead_ns: list[int], synced: bool) -> list[Finding]:
+    """What is said of the clock of several sensors."""
+    if len(ahead_ns) < 2:
+        return []
+    if not synced:
+        return [finding("clock.own", why="their headers do not say Synced")]
+    return [common_clock("that of their synchronisation (the files say Synced)", ahead_ns)]
 
 
 def _date(dots: list[DotFile]) -> Recorded | None:
@@ -121,7 +130,7 @@ def _date(dots: list[DotFile]) -> Recorded | None:
     )
 
 
-def _open(file: Path) -> DotFile:
+def _open(file: Path, options: Options) -> DotFile:
     table, above = find_table(
         file, re.compile(rf"\b{TIME}\b"), f"an Xsens DOT export (its header has {TIME})"
     )
@@ -137,9 +146,8 @@ def _open(file: Path) -> DotFile:
             f"has no column of samples; looked for {known} and their like; it has "
             f"{', '.join(table.names)}"
         )
-    time = StampedTime(TIME, "us", bits=32)
     counted: dict[str, Kind] = {COUNTER: "integer"} if COUNTER in table.names else {}
-    head = next(iter(table.chunks(kinds | counted | time.kinds)), None)
+    head = next(iter(table.chunks(kinds | counted | {TIME: "integer"})), None)
     if head is None or not len(head[TIME]):
         raise table.problem("there are no samples after the header")
     ticks = head[TIME]
@@ -149,14 +157,14 @@ def _open(file: Path) -> DotFile:
             f"{TIME} {ticks[np.argmax(bad)]} is not a 32-bit number of microseconds",
             int(np.argmax(bad)),
         )
-    stream = SampleStream(
-        table,
-        kinds,
-        lambda columns: Quantities(None, None),
-        lambda: StampedTime(TIME, "us", bits=32),
-    )
+    answer = options.unit("time", "us")
+    unit: TimeUnit = "us" if answer is None else cast(TimeUnit, answer.name)
+    answered = unit if options.answered("time") else None
+    asking = Asking(f"{file}", answered, rate=options.rate_or(None))
+    stamps = read_stamps(table, TIME, "us", asking, bits=32)
+    stream = SampleStream(table, kinds, lambda columns: Quantities(None, None), stamps.timeline)
     notes: list[str] = []
-    rate = _rate(header, measured_rate(stream.first()), notes)
+    rate = options.rate_or(None) or _rate(header, measured_rate(stream.first()), stamps.findings)
     drop = _stale_rows(head, kinds, rate)
     if drop:
         notes.append(
@@ -168,17 +176,15 @@ def _open(file: Path) -> DotFile:
     left = sorted(set(table.names) - set(kinds) - {TIME, COUNTER, ""})
     if left:
         notes.append(f"columns that were not read: {', '.join(left)}")
-    return DotFile(table, header, rate, drop, int(ticks[drop]), notes)
+    tick_ns = round(SECONDS[unit] * NANOSECONDS)
+    return DotFile(table, header, rate, drop, int(ticks[drop]), tick_ns, notes, stamps)
 
 
-def _rate(header: dict[str, str], measured: float | None, notes: list[str]) -> float:
+def _rate(header: dict[str, str], measured: float | None, findings: list[Finding]) -> float:
     found = re.match(r"\s*([0-9.]+)\s*Hz", header.get("OutputRate", ""))
     stated = float(found.group(1)) if found else None
     if stated and measured and abs(measured / stated - 1) > RATE_WITHIN:
-        notes.append(
-            f"the header says {stated:g} Hz, the time stamps {measured:.2f} Hz: the time stamps "
-            "are believed"
-        )
+        findings += rate_differs(stated, "the header", measured, True, "--rate HZ states it")
         return round(measured, 3)
     return stated or (round(measured, 3) if measured else 60.0)
 
@@ -300,7 +306,7 @@ def _sensor(dot: DotFile, origin_ns: int, options: Options) -> ImportedSensor:
         dot.table,
         kinds,
         convert,
-        lambda: StampedTime(TIME, "us", bits=32),
+        dot.stamps.timeline,
         counter,
         drop=dot.drop,
         origin_ns=origin_ns,
@@ -314,7 +320,12 @@ def _sensor(dot: DotFile, origin_ns: int, options: Options) -> ImportedSensor:
     }
     details = {key: dot.header[title] for title, key in kept.items() if dot.header.get(title)}
     return ImportedSensor(
-        stream, dot.rate, f"Xsens DOT{f', {mode}' if mode else ''}", details=details
+        stream,
+        dot.rate,
+        f"Xsens DOT{f', {mode}' if mode else ''}",
+        details=details,
+        findings=dot.stamps.findings,
+        told=stream.findings,
     )
 
 

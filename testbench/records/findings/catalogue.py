@@ -9,6 +9,7 @@ from testbench.records.findings.words import (
     general,
     recording,
     samples,
+    time,
     tracking,
 )
 from testbench.records.findings.words.template import Template
@@ -19,6 +20,7 @@ SUBJECTS: tuple[dict[str, Template], ...] = (
     evaluation.TEMPLATES,
     recording.TEMPLATES,
     samples.TEMPLATES,
+    time.TEMPLATES,
     tracking.TEMPLATES,
 )
 """The templates by subject, one module each."""

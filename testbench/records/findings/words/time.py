@@ -1,0 +1,122 @@
+"""Findings on the times of a recording: units, rates, stamps that are not in order, clocks."""
+
+from __future__ import annotations
+
+from testbench.records.findings.words.template import NOTE, WARNING, Template
+
+TEMPLATES = {
+    "time.epoch": Template(
+        NOTE,
+        "the column {column} states no unit and holds numbers about {about:.4g}",
+        "by their size these are Unix times in {unit}",
+        "{answer} states another unit",
+    ),
+    "time.unit_unstated": Template(
+        NOTE,
+        "the column {column} states no unit and is taken for {unit}",
+        "",
+        "{answer} states another one",
+    ),
+    "time.rate_differs": Template(
+        WARNING,
+        "the time stamps say {measured_hz:.4g} Hz, {who} says {stated_hz:.4g} Hz",
+        "{believed}",
+        "{remedy}",
+    ),
+    "time.by_rate": Template(
+        NOTE,
+        "the times are made by --rate and not by the column {column}",
+        "only holes are taken from it",
+        "leave --rate out to have the times of the file",
+    ),
+    "time.holes_by_rate": Template(
+        WARNING,
+        "the column {column} shows {holes} holes, the longest of {longest} samples",
+        "they are kept in the times that --rate makes",
+        "leave --rate out to have the times of the file",
+    ),
+    "time.repeated": Template(
+        WARNING,
+        "{count} rows repeat the stamp and every value of an earlier one, the first after "
+        "{at_s:.2f} s",
+        "they are left out",
+    ),
+    "time.grouped": Template(
+        WARNING,
+        "the samples share their stamps in groups of {group} (up to {most}), {groups} of them",
+        "a stamp is taken for that of the last sample of its packet, and the others are spread "
+        "evenly over the time since the packet before",
+        "--rate HZ spaces all samples by a rate of your own",
+    ),
+    "time.shared": Template(
+        WARNING,
+        "{count} samples have the stamp of the one before but other values, the first after "
+        "{at_s:.2f} s",
+        "they are spread evenly up to the next stamp, or from the one before",
+    ),
+    "time.stale": Template(
+        WARNING,
+        "the first {count} rows have stamps over an hour before the others",
+        "they are left over from another recording and left out",
+    ),
+    "time.glitch": Template(
+        WARNING,
+        "{count} stamps in {places} places lie out of order by up to {worst_s:.3g} s, the first "
+        "after {at_s:.2f} s, and the time then goes on as before",
+        "these stamps are taken for faults of the logger and replaced by even ones",
+        "if samples are missing there, cut the file",
+    ),
+    "time.reordered": Template(
+        WARNING,
+        "{count} rows in {places} places stand out of order, the first after {at_s:.2f} s, and fit "
+        "in by their stamps",
+        "they are put in the order of time",
+    ),
+    "time.restart": Template(
+        WARNING,
+        "the time goes back and does not return in {count} places, the first after {at_s:.2f} s",
+        "it is taken to go on there at the rate of --rate",
+        "if the recording began again there, cut the file in two",
+    ),
+    "time.wrapped": Template(
+        NOTE,
+        "the time began again from 0 {wraps} times, where a counter of {bits} bits does",
+        "it is taken to go on",
+    ),
+    "time.hour": Template(
+        WARNING,
+        "the local time jumps by {hours:+d} h, to within a sample, after {at_s:.2f} s",
+        "that is taken for a change to or from daylight saving time, and the time goes on",
+        "if the recording really paused for an hour, cut the file there",
+    ),
+    "clock.common": Template(
+        NOTE,
+        "{sensors} sensors share one clock, {clock}",
+        "they keep their offsets: the last begins {latest_s:.3f} s after the first, whose first "
+        "sample is host time 0",
+    ),
+    "clock.own": Template(
+        WARNING,
+        "the clocks of the files have nothing in common that they state ({why})",
+        "the host time of each sensor begins at 0 with its own first sample",
+        "import them one by one if they must not be compared, or give them Unix times",
+    ),
+    "clock.apart": Template(
+        WARNING,
+        "by their clock, {clock}, {sensor} begins {apart_s:.0f} s after {ended} has ended",
+        "they were not recorded together, and the host time of each sensor begins at 0 with its "
+        "own first sample",
+    ),
+    "clock.truth": Template(
+        NOTE,
+        "the truth has Unix times like the samples, and begins {offset_s:+.3f} s after them",
+        "it keeps that offset",
+        "--truth-offset S is added to it",
+    ),
+    "clock.truth_apart": Template(
+        WARNING,
+        "the truth has Unix times like the samples, but begins {apart_s:.0f} s {how}",
+        "they do not overlap, and the truth is taken to begin with the samples",
+        "--truth-offset S shifts it",
+    ),
+}
