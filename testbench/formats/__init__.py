@@ -160,7 +160,6 @@ def import_recording(
     from testbench.formats.axes import find_axes
     from testbench.formats.dates import earliest, recorded_in_name, stated_date
     from testbench.formats.options import Options
-    from testbench.formats.plausibility import check_units
     from testbench.formats.recording import write_recording
     from testbench.formats.remap import remap_axes
     from testbench.formats.signatures import with_other_format
@@ -175,6 +174,7 @@ def import_recording(
     except FileProblems as error:
         raise with_other_format(error, name) from None
     options.check_all_used(name)
+    recording.answered = frozenset(options.units)
     recording.recorded = (
         stated or recording.recorded or earliest(recorded_in_name(file) for file in files)
     )
@@ -184,7 +184,6 @@ def import_recording(
         head = sensor.head()
         if head is None or not len(head):
             raise FileProblems(files[0], [Problem(f"sensor '{key}' has no samples")])
-        recording.notes += check_units(head, sensor.rate, key, options)
     if options.axes is not None:
         remap_axes(recording, find_axes(options.axes), options.axes)
     if truth is not None:

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from testbench.clock import Clock, utc_text
+from testbench.consistency import Consistency, refuse_contradictions
 from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.formats.dates import Recorded
 from testbench.frames import NANOSECONDS
@@ -77,6 +78,8 @@ class Recording:
         findings: What is to be said of the samples.
         steps: Of the arm, where its poses are known.
         recorded: When it was made, None where nobody says.
+        answered: Quantities whose units a person stated, which settles every doubt of them: "acc",
+            "gyr", "mag", "time".
         origin_ns: What the clock of the files said at host time zero, where a truth on the same
             clock may come from another file [ns].
     """
@@ -89,6 +92,7 @@ class Recording:
     findings: list[Finding] = field(default_factory=list)
     steps: list[PlannedStep] = field(default_factory=list)
     recorded: Recorded | None = None
+    answered: frozenset[str] = frozenset()
     origin_ns: int | None = None
 
     @property
@@ -104,7 +108,8 @@ def write_recording(
     """Write a session from a recording.
 
     Nothing is kept that is not whole: whatever ends the import early also removes the folder, for
-    the source still exists.
+    the source still exists. Whether a sensor's quantities agree is looked at as its samples go by,
+    so that they are read once.
 
     Args:
         recording: What was read.
@@ -115,6 +120,7 @@ def write_recording(
 
     Raises:
         FileProblems: A file turns out to be malformed after its beginning.
+        InputError: The quantities of a sensor cannot be right as they are; says how to settle it.
         SessionError: The folder exists, or the disk is full.
     """
     descriptions: dict[str, Any] = {}
@@ -143,9 +149,13 @@ def write_recording(
     begin, end, counts = np.inf, -np.inf, {}
     try:
         for name, sensor in recording.sensors.items():
+            consistency = Consistency()
             counts[name], first, last = _write_samples(
-                out / table_file(imu_stream(name)), iter(sensor.chunks)
+                out / table_file(imu_stream(name)), consistency.watch(sensor.chunks)
             )
+            own = consistency.findings()
+            refuse_contradictions(name, own, recording.answered)
+            findings += [one.at(name) for one in own]
             begin, end = min(begin, first), max(end, last)
             findings += [found.at(name) for found in (*sensor.findings, *sensor.told())]
             if sensor.truth is not None:

@@ -194,7 +194,7 @@ def _unit(
     if asking.answered is not None:
         return cast(TimeUnit, asking.answered), []
     rates = {} if step is None else {u: 1 / (step * SECONDS[u]) for u in unit_names("time")}
-    fitting = [u for u in rates if asking.lowest_hz < rates[u] <= HIGHEST_HZ]
+    fitting = [u for u in rates if asking.lowest_hz <= rates[u] <= HIGHEST_HZ]
     fitting.sort(key=lambda u: (u != unix, u not in DECIMAL, abs(np.log(rates[u] / USUAL_HZ))))
     tell = asking.answer("UNIT")
     if stated is None and tick_ns is None and unix is not None and (not rates or unix in fitting):
@@ -215,7 +215,7 @@ def _unit(
             f"({', '.join(unit_names('time'))})"
         )
     rate = None if step is None else 1 / (step * seconds)
-    if rate is not None and not asking.lowest_hz < rate <= HIGHEST_HZ:
+    if rate is not None and not asking.lowest_hz <= rate <= HIGHEST_HZ:
         fits = f"; in {better} it would be {rates[better]:.4g} Hz" if better in rates else ""
         confirm = f"{asking.flag.replace('UNIT', unit)} confirms it" if tick_ns is None else ""
         raise InputError(

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.consistency.evidence import Evidence
 from testbench.formats.options import Options
-from testbench.formats.plausibility import Evidence, decide_unit, gather
+from testbench.formats.plausibility import decide_unit, gather
 from testbench.formats.recording import ImportedSensor
 from testbench.formats.stamps import Asking, Stamps, rate_differs, read_stamps
 from testbench.formats.tables.recognise import Found
@@ -100,7 +101,7 @@ def table_sensor(
         raise source.problem(
             f"the samples of sensor '{name}' have no usable times; state the rate with --rate HZ"
         )
-    _decide(stream, stated, units, factors, rate, name, notes)
+    _decide(stream, stated, units, factors, name, notes)
     if "mag" in units and units["mag"] is None:
         notes.append(
             f"{name}: the unit of the magnetic field is not stated; uT is taken, only its "
@@ -176,7 +177,6 @@ def _decide(
     stated: dict[str, str | None],
     units: dict,
     factors: dict[str, float],
-    rate: float,
     name: str,
     notes: list[str],
 ) -> None:
@@ -186,7 +186,7 @@ def _decide(
     ]
     if not open_ones:
         return
-    evidence = gather(stream, rate)
+    evidence = gather(stream)
     for quantity in open_ones:
         unit = decide_unit(quantity, evidence, name, f"--unit {quantity}=UNIT")
         factors[quantity] = unit.factor
@@ -196,4 +196,4 @@ def _decide(
 def _reason(quantity: str, evidence: Evidence) -> str:
     if quantity == "acc":
         return f"|acc| at rest is {evidence.rest_norm:.4g}"
-    return f"the accelerometer turns {evidence.slope:.3g} times as far as the numbers say"
+    return "gravity turns as far as it says then"

@@ -1,0 +1,58 @@
+"""Self-consistency: whether the quantities of a sensor can all be what they are taken for."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+
+from testbench.consistency.checks import CONTRADICTIONS, check_excerpt
+from testbench.consistency.excerpt import Thinner, thin
+from testbench.exceptions import InputError
+from testbench.records.findings.finding import Finding
+from testbench.records.session.samples import ImuSamples
+
+
+def check_samples(chunks: Iterable[ImuSamples]) -> list[Finding]:
+    """What the quantities of a sensor say of one another, without a truth.
+
+    Args:
+        chunks: All its samples in the order of time, in the units of a session.
+    """
+    excerpt = thin(chunks)
+    return [] if excerpt is None else check_excerpt(excerpt)
+
+
+class Consistency:
+    """The same of samples that go by on their way elsewhere."""
+
+    def __init__(self) -> None:
+        self._thinner = Thinner()
+
+    def watch(self, chunks: Iterable[ImuSamples]) -> Iterator[ImuSamples]:
+        """The chunks as they are, each looked at before it goes on."""
+        for chunk in chunks:
+            self._thinner.add(chunk)
+            yield chunk
+
+    def findings(self) -> list[Finding]:
+        """What was noticed of the chunks that went by; see `check_samples`."""
+        excerpt = self._thinner.excerpt()
+        return [] if excerpt is None else check_excerpt(excerpt)
+
+
+def refuse_contradictions(
+    sensor: str, findings: Iterable[Finding], answered: Collection[str] = ()
+) -> None:
+    """Ask about what cannot be right, unless a person confirmed it.
+
+    Args:
+        sensor: Its name.
+        findings: On its samples.
+        answered: Quantities whose units were stated: "acc", "gyr", "mag", "time".
+
+    Raises:
+        InputError: Says what is seen, what it means, and how to answer.
+    """
+    for found in findings:
+        about = CONTRADICTIONS.get(found.code)
+        if about is not None and not about & set(answered):
+            raise InputError(f"sensor '{sensor}': {found}")

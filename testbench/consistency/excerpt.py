@@ -1,0 +1,202 @@
+"""Excerpt: a whole recording at a rate that tells turning from gravity, small enough to keep.
+
+Samples go by once, in chunks. Each is averaged over about 10 ms; of a long recording the stretches
+that turn most are kept, and some that rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.frames import NANOSECONDS
+from testbench.records.session.samples import ImuSamples
+
+STEPS_PER_S = 100
+"""Steps of an excerpt a second, at most about so many: turning at 1000 deg/s is 10 deg a step."""
+HIGHEST_RATE_HZ = 20_000.0
+"""Beyond, the unit of time is in doubt: none gives more (ICM-42688-P: 32 kHz, of its gyroscope
+alone).
+"""
+STRETCH_STEPS = 1024
+"""Steps that are kept or dropped together, about 10 s."""
+MOST_STEPS = 120 * STRETCH_STEPS
+"""Steps kept of a recording, 20 min at 100 Hz; the memory of the checks, and their time."""
+ABSURD = 1e9
+"""A number beyond this is no reading in any unit; the mean of any with one is not used, either."""
+STUCK = 4
+"""So many repetitions of all readings in a row are no measurement."""
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """Steps of a recording, each the mean of some samples; NaN where any was no measurement.
+
+    Attributes:
+        time_ns: Of the first sample of each step, shape (n,), int64.
+        gyr: Shape (n, 3), as read.
+        acc: Shape (n, 3), as read.
+        mag: Shape (n, 3), as read, or None.
+        device_q: Of the middle sample of each step, shape (n, 4), or None.
+        samples: Averaged to a step.
+        follows: Whether a step comes straight after the one before it, shape (n,), bool.
+        interval_ns: Usual one between two samples, by their stamps.
+        zero_share: Share of all samples whose accelerometer is exactly zero and whose gyroscope
+            is not.
+        rests: Means over 0.5 s or more at rest, shape (m, 6): acc, gyr.
+    """
+
+    time_ns: np.ndarray
+    gyr: np.ndarray
+    acc: np.ndarray
+    mag: np.ndarray | None
+    device_q: np.ndarray | None
+    samples: int
+    follows: np.ndarray
+    interval_ns: float
+    zero_share: float
+
+
+class Thinner:
+    """Takes chunks of samples as they go by, and keeps an excerpt of them."""
+
+    def __init__(self) -> None:
+        self._each = 0
+        self._parts: list[dict[str, np.ndarray]] = []
+        self._held: ImuSamples | None = None
+        self._kept = self._zeros = self._count = 0
+        self._first = self._last = 0
+
+    def add(self, chunk: ImuSamples) -> None:
+        """Take the next samples."""
+        if not self._each:
+            self._each = _samples_of_step(chunk.device_time_ns)
+        each = self._each
+        count = len(chunk) // each
+        # the samples of an incomplete step at the end of a chunk are left out
+        if not count:
+            return
+        self._parts.append(self._steps(chunk, count))
+        self._kept += count
+        if self._kept > 2 * MOST_STEPS:
+            self._prune()
+
+    def _steps(self, chunk: ImuSamples, count: int) -> dict[str, np.ndarray]:
+        each = self._each
+        size = count * each
+        gyr, acc = chunk.gyr[:size], chunk.acc[:size]
+        no_acc, no_gyr = ~acc.any(axis=1), ~gyr.any(axis=1)
+        dead = np.asarray(no_acc & no_gyr)
+        self._zeros += int(np.count_nonzero(no_acc & ~no_gyr))
+        self._count += size
+        same = np.zeros(size, dtype=bool)
+        same[1:] = (gyr[1:] == gyr[:-1]).all(axis=1) & (acc[1:] == acc[:-1]).all(axis=1)
+        if same.any():
+            run = same.copy()
+            for shift in range(1, STUCK):
+                run[shift:] &= same[:-shift]
+            dead |= run
+        follows = np.ones(count, dtype=bool)
+        follows[0] = False
+        columns = {
+            "time_ns": chunk.device_time_ns[:size:each],
+            "gyr": _means(gyr, dead, each),
+            "acc": _means(acc, dead, each),
+            "follows": follows,
+        }
+        if chunk.mag is not None:
+            columns["mag"] = _means(chunk.mag[:size], dead, each)
+        if chunk.device_q is not None:
+            columns["device_q"] = chunk.device_q[each // 2 : size : each]
+        return columns
+
+    def _prune(self) -> None:
+        """Keep the stretches that turn most, and of the rest some that are evenly spread."""
+        whole = _joined(self._parts)
+        count = len(whole["time_ns"]) // STRETCH_STEPS
+        turning = np.linalg.norm(whole["gyr"][: count * STRETCH_STEPS], axis=1)
+        turning = np.where(np.isfinite(turning), turning, 0.0).reshape(count, -1)
+        wanted = MOST_STEPS // STRETCH_STEPS
+        best = np.argsort(-turning.std(axis=1))[: wanted * 3 // 4]
+        others = np.setdiff1d(np.arange(count), best)
+        spread = others[np.linspace(0, len(others) - 1, wanted // 4).astype(int)]
+        kept = np.unique(np.concatenate([best, spread]))
+        rows = (kept[:, None] * STRETCH_STEPS + np.arange(STRETCH_STEPS)).ravel()
+        whole["follows"][::STRETCH_STEPS] = False
+        self._parts = [{name: values[rows] for name, values in whole.items()}]
+        self._kept = len(rows)
+
+    def excerpt(self) -> Excerpt | None:
+        """What was kept; None if no samples came."""
+        if not self._parts:
+            return None
+        if self._kept > MOST_STEPS:
+            self._prune()
+        whole = _joined(self._parts)
+        steps = np.diff(whole["time_ns"])[whole["follows"][1:]]
+        interval = _usual(steps, 50) / self._each if len(steps) else 0.0
+        return Excerpt(
+            whole["time_ns"],
+            whole["gyr"],
+            whole["acc"],
+            whole.get("mag"),
+            whole.get("device_q"),
+            self._each,
+            whole["follows"],
+            interval,
+            self._zeros / max(self._count, 1),
+        )
+
+
+def _samples_of_step(time_ns: np.ndarray) -> int:
+    """How many samples make a step; one where the rate cannot be that of a sensor, so that its
+    unit of time is in doubt.
+    """
+    span = float(time_ns[-1] - time_ns[0]) if len(time_ns) > 1 else 0.0
+    rate = (len(time_ns) - 1) * NANOSECONDS / span if span > 0 else 0.0
+    return max(round(rate / STEPS_PER_S), 1) if rate < HIGHEST_RATE_HZ else 1
+
+
+def thin(chunks: Iterable[ImuSamples]) -> Excerpt | None:
+    """The excerpt of chunks of samples.
+
+    Args:
+        chunks: In the order of time.
+    """
+    thinner = Thinner()
+    for chunk in chunks:
+        thinner.add(chunk)
+    return thinner.excerpt()
+
+
+def _usual(steps: np.ndarray, over: int) -> float:
+    """The usual interval, also where several samples bear one stamp: the median of means.
+
+    Args:
+        steps: Intervals, shape (n,) [ns].
+        over: Of so many each mean is.
+    """
+    over = min(over, len(steps))
+    count = len(steps) // over
+    return float(np.median(steps[: count * over].reshape(count, over).mean(axis=1)))
+
+
+def _means(values: np.ndarray, dead: np.ndarray, each: int) -> np.ndarray:
+    """Means over each so many rows; NaN where one of them is dead."""
+    if each > 1:
+        with np.errstate(over="ignore", invalid="ignore"):
+            means = values.reshape(-1, each, values.shape[1]).mean(axis=1)
+        lost = dead.reshape(-1, each).any(axis=1)
+    else:
+        means, lost = values.astype(float), dead
+    means[lost | ~(np.abs(means) < ABSURD).all(axis=1)] = np.nan
+    return means
+
+
+def _joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    if len(parts) == 1:
+        return parts[0]
+    names = [name for name in parts[0] if all(name in part for part in parts)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}

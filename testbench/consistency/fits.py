@@ -1,0 +1,288 @@
+"""How well a reading of the gyroscope fits what another triad saw: axes, signs, scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from testbench.consistency.excerpt import Excerpt
+from testbench.consistency.turning import (
+    BINS,
+    BLOCKS,
+    IDENTITY,
+    MAPS,
+    Windows,
+    find_windows,
+    read_as,
+    sums,
+)
+
+FLOOR = 0.03
+"""Scatter that says nothing, of the size of the vector: what biases and scale errors leave."""
+SHORTEST = 0.05
+"""No mean vector counts as shorter than this part of the usual one."""
+LEAST_RATIO = 0.15
+"""A reading fits better if it leaves by so much less (mean logarithm of the squares), ..."""
+LEAST_SUM = 2.5
+"""... in so many windows that this comes to so much, ..."""
+LEAST_T = 1.0
+"""... and not by one of them alone: mean over its standard error."""
+LEAST_WINDOWS = 4
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Logarithms of the scatter of a vector in a frame that should not turn.
+
+    Attributes:
+        logs: By reading and window, shape (r, w).
+        length: Of the mean vector by reading and window, shape (r, w).
+        independent: How many windows that do not overlap would say as much.
+    """
+
+    logs: np.ndarray
+    length: np.ndarray
+    independent: float
+
+    def better(self, of: int, over: int) -> bool:
+        """Whether one reading fits clearly better than another."""
+        return is_clear(self.logs[over], self.logs[of], self.independent)
+
+    @property
+    def best(self) -> int:
+        """The reading that fits best."""
+        return int(np.argmin(self.logs.mean(axis=1)))
+
+    @property
+    def rivals(self) -> list[int]:
+        """Readings that fit no worse than the best to speak of, the best first."""
+        order = np.argsort(self.logs.mean(axis=1))
+        best = int(order[0])
+        return [best] + [int(i) for i in order[1:] if not self.better(best, int(i))]
+
+
+def is_clear(worse: np.ndarray, better: np.ndarray, independent: float) -> bool:
+    """Whether a fit leaves clearly less than another, window by window.
+
+    Args:
+        worse: Logarithms of the scatter, shape (w,).
+        better: Likewise of the other.
+        independent: How many windows that do not overlap would say as much.
+    """
+    beyond = worse - better
+    mean = float(beyond.mean())
+    error = float(beyond.std()) / np.sqrt(independent)
+    return mean >= LEAST_RATIO and mean * independent >= LEAST_SUM and mean >= LEAST_T * error
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A gyroscope and another triad in windows of a recording.
+
+    Attributes:
+        gyr: Rates, shape (n, 3) [rad/s].
+        vectors: Of the other triad, shape (n, 3).
+        windows: To compare them in.
+        usual: Usual length of the vector.
+    """
+
+    gyr: np.ndarray
+    vectors: np.ndarray
+    windows: Windows
+    usual: float
+
+    @staticmethod
+    def of(excerpt: Excerpt, vectors: np.ndarray, seconds: float) -> Pair | None:
+        """From an excerpt; None where there are too few windows to say anything.
+
+        Args:
+            excerpt: Of the recording.
+            vectors: Of the accelerometer or magnetometer, shape (n, 3).
+            seconds: Of a step.
+        """
+        pairs = []
+        for together in BINS:
+            windows = find_windows(excerpt, vectors, seconds, together)
+            if len(windows.starts) < LEAST_WINDOWS:
+                continue
+            length = np.linalg.norm(vectors[windows.steps[:, ::7].ravel()], axis=1)
+            usual = float(np.median(length))
+            if usual > 0:
+                pairs.append(Pair(excerpt.gyr, vectors, windows, usual))
+        return pairs[0] if len(pairs) == 1 else max(pairs, key=Pair.contrast, default=None)
+
+    def contrast(self) -> float:
+        """How far apart the fits of the maps are."""
+        some = self.some(FEW_WINDOWS).scatter()
+        apart = float(some.logs.mean() - some.logs.mean(axis=1).min())
+        return apart * float(np.sqrt(self.windows.independent))
+
+    def blocks(
+        self, scale: float = 1.0, bias: np.ndarray | None = None, maps: np.ndarray = MAPS
+    ) -> np.ndarray:
+        """Mean vectors in a frame that does not turn, shape (r, w, BLOCKS, 3).
+
+        Args:
+            scale: Rates are taken so many times.
+            bias: Taken off the rates first, shape (3,) [rad/s].
+            maps: True rates are each of these times the rates read, shape (r, 3, 3).
+        """
+        rates = self.gyr if bias is None else self.gyr - bias
+        proper = np.linalg.det(maps) > 0
+        plain = sums(rates * scale, self.vectors, self.windows) if proper.any() else None
+        other = sums(rates * -scale, self.vectors, self.windows) if (~proper).any() else None
+        one = plain if plain is not None else other
+        assert one is not None
+        return read_as(one, other if other is not None else one, maps)
+
+    def some(self, most: int) -> Pair:
+        """The same in fewer windows."""
+        return replace(self, windows=self.windows.some(most))
+
+    def turning(self, bias: np.ndarray) -> np.ndarray:
+        """Angle that the gyroscope goes through in each window, shape (w,) [rad].
+
+        Args:
+            bias: Taken off the rates first, shape (3,) [rad/s].
+        """
+        rates = np.linalg.norm(self.gyr[self.windows.steps] - bias, axis=2)
+        return np.asarray(rates.sum(axis=1) * self.windows.seconds)
+
+    def scatter(
+        self, scale: float = 1.0, bias: np.ndarray | None = None, maps: np.ndarray = MAPS
+    ) -> Scatter:
+        """How far the vectors scatter by each reading; see `blocks`."""
+        return self.scatter_of(self.blocks(scale, bias, maps))
+
+    def scatter_of(self, blocks: np.ndarray) -> Scatter:
+        """How far means of blocks scatter, shape (r, w, BLOCKS, 3).
+
+        That is a part of the mean vector, whose length is that of gravity only if nothing smears:
+        too fast a turning would else make all means small, and alike.
+        """
+        mean = blocks.mean(axis=2)
+        left = ((blocks - mean[:, :, None]) ** 2).sum(axis=3).mean(axis=2)
+        length = np.linalg.norm(mean, axis=2)
+        part = left / np.clip(length, SHORTEST * self.usual, self.usual) ** 2
+        return Scatter(np.log(part + FLOOR**2), length, self.windows.independent)
+
+    def fitted_bias(self, scale: float, one: np.ndarray, bias: np.ndarray) -> np.ndarray:
+        """The bias with which a reading fits best, from the beginning `bias`.
+
+        Args:
+            scale: As for `blocks`.
+            one: The reading, shape (3, 3).
+            bias: To begin with, shape (3,) [rad/s].
+        """
+        step = 0.005
+        for _ in range(2):
+            begin = self._deviations(scale, one, bias)
+            slopes = np.stack(
+                [
+                    (self._deviations(scale, one, bias + step * axis) - begin) / step
+                    for axis in np.eye(3)
+                ],
+                axis=-1,
+            )
+            # windows that something shakes count less
+            weight = 1 / (np.sum(begin**2, axis=(1, 2)) / BLOCKS + (FLOOR * self.usual) ** 2)
+            left = np.einsum("w,wbik,wbil->kl", weight, slopes, slopes)
+            right = np.einsum("w,wbik,wbi->k", weight, slopes, begin)
+            prior = np.eye(3) * self.windows.independent / np.radians(10) ** 2
+            bias = bias - np.linalg.solve(left + prior, right)
+        return bias
+
+    def _deviations(self, scale: float, one: np.ndarray, bias: np.ndarray) -> np.ndarray:
+        blocks = self.blocks(scale, bias, one[None])[0]
+        return np.asarray(blocks - blocks.mean(axis=1, keepdims=True))
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The reading of a gyroscope that fits another triad best, and whether as it is will do.
+
+    Attributes:
+        scatter: By the 48 maps, at the scale and the bias.
+        scale: By which rates fit best, of those tried.
+        bias: Shape (3,) [rad/s].
+        turns: Whether any reading fits clearly better than that nothing turns.
+        turning: Angle that the gyroscope goes through in each window, shape (w,) [rad].
+    """
+
+    scatter: Scatter
+    scale: float
+    bias: np.ndarray
+    turns: bool
+    turning: np.ndarray
+
+    @property
+    def fits_as_is(self) -> bool:
+        """Whether no other map fits clearly better than the axes as they are."""
+        return not self.scatter.better(self.scatter.best, IDENTITY)
+
+
+FEW_WINDOWS = 60
+"""Windows in which scales are first tried."""
+DEG = np.pi / 180
+NEIGHBOURS = (0.5, 2.0)
+"""Scales of neighbouring range settings, and of a sampling rate told wrongly."""
+SCALES = (*NEIGHBOURS, DEG, 1 / DEG, DEG / 1000, 1000 / DEG, 1e-3, 1e3)
+"""Those of units of the rate, and of time."""
+
+
+def read_gyroscope(pair: Pair, rest_bias: np.ndarray | None) -> Reading:
+    """Find the reading of a gyroscope that fits another triad best.
+
+    Args:
+        pair: The two of them.
+        rest_bias: What the gyroscope reads at rest, shape (3,) [rad/s]; None if it never rests.
+    """
+    nothing = pair.scatter(0.0, maps=MAPS[:1]).logs[0]
+    bias = np.zeros(3) if rest_bias is None else rest_bias
+    found = _with_bias(pair, 1.0, bias, rest_bias is None)
+    sure = found.best == IDENTITY and is_clear(nothing, found.logs[IDENTITY], found.independent)
+    tried = [(1.0, found)]
+    if not sure or not _is_right_scale(pair, bias, rest_bias is None):
+        some = pair.some(FEW_WINDOWS)
+        likely = [scale for scale in SCALES if _least(some.scatter(scale, bias)) < _least(found)]
+        tried += [(scale, _with_bias(pair, scale, bias, rest_bias is None)) for scale in likely]
+    scale, scatter = min(tried, key=lambda one: _least(one[1]))
+    if scale != 1.0 and not is_clear(
+        found.logs[found.best], scatter.logs[scatter.best], found.independent
+    ):
+        scale, scatter = tried[0]
+    turns = is_clear(nothing, scatter.logs[scatter.best], scatter.independent)
+    turning = pair.turning(bias) * (scale if turns else 1.0)
+    return Reading(scatter, scale, bias, turns, turning)
+
+
+def _least(scatter: Scatter) -> float:
+    return float(scatter.logs.mean(axis=1).min())
+
+
+def _is_right_scale(pair: Pair, bias: np.ndarray, unknown: bool) -> bool:
+    """Whether the axes as they are fit at no other scale clearly better."""
+    some = pair.some(FEW_WINDOWS)
+    if unknown:
+        bias = some.fitted_bias(1.0, MAPS[IDENTITY], bias)
+    own = some.scatter(1.0, bias, MAPS[:1]).logs[0]
+    return not any(
+        is_clear(own, some.scatter(scale, bias, MAPS[:1]).logs[0], some.windows.independent)
+        for scale in SCALES
+    )
+
+
+def _with_bias(pair: Pair, scale: float, bias: np.ndarray, unknown: bool) -> Scatter:
+    """By all maps, each with the bias that suits it where the gyroscope never rests."""
+    scatter = pair.scatter(scale, bias)
+    if not unknown or not 0.1 < scale < 10:
+        return scatter
+    logs, length = scatter.logs.copy(), scatter.length.copy()
+    for one in dict.fromkeys([IDENTITY, *scatter.rivals[:3]]):
+        own = pair.fitted_bias(scale, MAPS[one], bias)
+        if np.linalg.norm(own - bias) < np.radians(30):
+            fitted = pair.scatter(scale, own, MAPS[one : one + 1])
+            if fitted.logs[0].mean() < logs[one].mean():
+                logs[one], length[one] = fitted.logs[0], fitted.length[0]
+    return Scatter(logs, length, scatter.independent)

@@ -1,0 +1,75 @@
+"""Rests of a recording, whatever the units of its numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.consistency.excerpt import Excerpt
+
+WINDOW_S = 0.5
+SPREAD = 0.03
+"""No axis of an accelerometer at rest varies by more than this part of the norm (standard
+deviation), ...
+"""
+LEAST_SPREAD = 0.1
+"""... or than this [m/s^2]: where gravity was removed, the norm is but noise."""
+RATE_SPREAD = 0.05
+"""Nor one of a gyroscope by more than this part of what it does in motion (90 % quantile), ..."""
+LEAST_RATE_SPREAD = 0.03
+"""... or than this [rad/s]."""
+FEWEST = 2
+
+
+@dataclass(frozen=True)
+class Rests:
+    """What was read at rest.
+
+    Attributes:
+        acc: Means over windows at rest, shape (m, 3).
+        gyr: Likewise, shape (m, 3).
+    """
+
+    acc: np.ndarray
+    gyr: np.ndarray
+
+    @property
+    def norm(self) -> float | None:
+        """Usual |acc|, None if it is never at rest."""
+        known = np.isfinite(self.acc).all(axis=1)
+        if not known.any():
+            return None
+        return float(np.median(np.linalg.norm(self.acc[known], axis=1)))
+
+    @property
+    def bias(self) -> np.ndarray | None:
+        """What the gyroscope reads, shape (3,); None if it is hardly ever at rest."""
+        known = np.isfinite(self.gyr).all(axis=1)
+        return np.median(self.gyr[known], axis=0) if known.sum() >= FEWEST else None
+
+
+def find_rests(excerpt: Excerpt, seconds: float) -> Rests:
+    """The windows in which neither triad varies.
+
+    Args:
+        excerpt: Of the recording.
+        seconds: Of a step.
+    """
+    size = max(round(WINDOW_S / seconds), 4)
+    count = len(excerpt.acc) // size
+    acc, gyr = (
+        array[: count * size].reshape(count, size, 3) for array in (excerpt.acc, excerpt.gyr)
+    )
+    mean, rate = acc.mean(axis=1), gyr.mean(axis=1)
+    norm = np.linalg.norm(mean, axis=1)
+    spread, turning = acc.std(axis=1).max(axis=1), gyr.std(axis=1).max(axis=1)
+    has_acc, has_gyr = np.isfinite(excerpt.acc).any(), np.isfinite(excerpt.gyr).any()
+    still = np.ones(count, dtype=bool)
+    if has_acc:
+        still &= spread <= np.maximum(SPREAD * norm, LEAST_SPREAD)
+    if has_gyr:
+        known = turning[np.isfinite(turning)]
+        most = float(np.quantile(known, 0.9)) if len(known) else 0.0
+        still &= turning <= max(RATE_SPREAD * most, LEAST_RATE_SPREAD)
+    return Rests(mean[still], rate[still])
