@@ -41,8 +41,18 @@ def import_files(
             autocompletion=_complete_format,
         ),
     ],
-    files: Annotated[list[Path], typer.Argument(help="Files to read.")],
-    out: Annotated[Path, typer.Option("--out", help="Folder of the session, to be made.")],
+    files: Annotated[list[Path] | None, typer.Argument(help="Files to read.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder of the session, to be made.")
+    ] = None,
+    guess: Annotated[
+        bool,
+        typer.Option(
+            "--guess",
+            help="Import nothing: say which formats and columns fit the files (no FORMAT before "
+            "them), and write a mapping to begin with (to --out, else here).",
+        ),
+    ] = False,
     mapping: Annotated[
         str | None,
         typer.Option(
@@ -84,6 +94,15 @@ def import_files(
             metavar="ISO-DATE",
             help="When it was recorded, e.g. 2021-08-20T20:21:13+08:00, where the files do not "
             "say.",
+            rich_help_panel=OPEN_PANEL,
+        ),
+    ] = None,
+    encoding: Annotated[
+        str | None,
+        typer.Option(
+            "--encoding",
+            metavar="NAME",
+            help="Of text files: utf-8, utf-16, utf-16-le, utf-16-be, latin-1, cp1252.",
             rich_help_panel=OPEN_PANEL,
         ),
     ] = None,
@@ -152,14 +171,14 @@ def import_files(
         ),
     ] = None,
     truth_offset: Annotated[
-        float,
+        float | None,
         typer.Option(
             "--truth-offset",
             metavar="S",
-            help="Added to the log's times.",
+            help="Added to the truth's times; else found by the motion.",
             rich_help_panel=TRUTH_PANEL,
         ),
-    ] = 0.0,
+    ] = None,
     truth_rate: Annotated[
         float | None,
         typer.Option(
@@ -198,6 +217,13 @@ def import_files(
     from testbench.pipeline.bring_in import bring_in
     from testbench.pipeline.request import ImportRequest, TruthRequest
 
+    if guess:
+        _guess([Path(format_name), *(files or [])], out, json)
+        return
+    if not files:
+        raise InputError(f"no files were given to read with the format {format_name}")
+    if out is None:
+        raise InputError("--out SESSION is missing: the folder of the session, to be made")
     described = (robot, link, mounting, dwell, move, truth_rate, joint_unit, calibration_poses)
     if truth is None and any((*described, truth_time_unit, truth_cluster)):
         raise InputError(
@@ -215,6 +241,7 @@ def import_files(
             units=tuple(unit or ()),
             axes=axes,
             recorded_at=recorded_at,
+            encoding=encoding,
             truth=None
             if truth is None
             else TruthRequest(
@@ -234,6 +261,31 @@ def import_files(
         )
     )
     _say_imported(session, json)
+
+
+def _guess(files: list[Path], out: Path | None, json: bool) -> None:
+    """Say what files seem to be."""
+    from testbench.pipeline.bring_in import guess_mapping
+
+    found = guess_mapping(map(str, files), None if out is None else str(out))
+    names = " ".join(map(str, files))
+    if json:
+        say_json(
+            {
+                "formats": found.formats,
+                "seen": found.seen,
+                "mapping": None if found.mapping is None else str(found.mapping),
+            }
+        )
+        return
+    for name, what in found.formats.items():
+        say(f"format {name}: {what}")
+        say(f"  testbench import {name} {names} --out SESSION")
+    for sentence in found.seen:
+        say(sentence)
+    if found.mapping is not None:
+        say(f"mapping: {found.mapping}")
+        say(f"  testbench import generic {names} --mapping {found.mapping} --out SESSION")
 
 
 def _say_imported(session: Session, json: bool) -> None:

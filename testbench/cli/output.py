@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -385,8 +386,10 @@ def _say_orientation(evaluation: Evaluation) -> None:
                 r.filter,
                 r.n,
                 r.total_rmse_deg,
-                r.heading_rmse_deg,
-                r.inclination_rmse_deg,
+                *(
+                    part if math.isfinite(part) else None  # nobody knows where up is
+                    for part in (r.heading_rmse_deg, r.inclination_rmse_deg)
+                ),
             ]
             for r in evaluation.orientation
         ],

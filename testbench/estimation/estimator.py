@@ -14,11 +14,13 @@ from testbench.estimation.alignment.axes import findings_on as axes_findings
 from testbench.estimation.alignment.axes import identify_axes, true_rates
 from testbench.estimation.alignment.frame_alignment import (
     apply_frames,
+    findings_on,
     fit_frames,
     fit_frames_by_motion,
     fit_frames_by_vectors,
 )
 from testbench.estimation.alignment.resting_heading import drift_finding
+from testbench.estimation.alignment.true_motion import TrueMotion, name_confused, true_motion
 from testbench.estimation.alignment.vector_mounting import VectorMounting, mounting_from_vectors
 from testbench.estimation.calibration.static_poses import fit_static_poses
 from testbench.estimation.chain.session import ChainRecording, estimate_chain
@@ -28,7 +30,6 @@ from testbench.estimation.joints.joints import estimate_joint
 from testbench.estimation.signals.access import Correct, SampleAccess
 from testbench.estimation.signals.recording import RunFacts, SensorRecording
 from testbench.estimation.signals.segmentation import detect_static
-from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.exceptions import InputError, SessionError
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
@@ -39,7 +40,6 @@ from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration_file import SensorCalibration, find_calibration
 from testbench.records.results.estimate import (
     CalibrationFit,
-    ClockFit,
     Estimate,
     FrameFit,
     SensorEstimate,
@@ -86,10 +86,10 @@ def estimate(
     )
     _check_calibrations(session, calibrations or [])
     run = RunFacts.of(session)
-    sensors = {
-        name: _prepared(session, name, run, calibrations).run(chosen)
-        for name in session.sensor_names
-    }
+    prepared = _together(
+        {name: _prepared(session, name, run, calibrations) for name in session.sensor_names}
+    )
+    sensors = {name: sensor.run(chosen) for name, sensor in prepared.items()}
     joints = {
         name: estimate_joint(joint, run, sensors, chosen)
         for name, joint in session.analysis.joints.items()
@@ -140,11 +140,13 @@ class PreparedSession:
         if joints is not None:
             defined = self._joints.values()
             wanted = {sensor for joint in defined for sensor in (joint.proximal, joint.distal)}
-        self.sensors = {
-            name: _prepared(session, name, self._facts, calibrations)
-            for name in session.sensor_names
-            if name in wanted
-        }
+        self.sensors = _together(
+            {
+                name: _prepared(session, name, self._facts, calibrations)
+                for name in session.sensor_names
+                if name in wanted
+            }
+        )
 
     def run(self, filters: Sequence[OrientationFilter]) -> Estimate:
         """The estimate by some filters, of the sensors and joints that were prepared."""
@@ -163,8 +165,9 @@ class PreparedSensor:
 
     Attributes:
         facts: What is known of the recording.
+        described: What is known of the sensor.
         access: To its samples.
-        truth: What it went through, or None.
+        motion: Its clock and its truth, which may be None.
         aligned_every: Where motion aligns it: one of how many samples does so.
         aligned_to: q_world_from_sensor at those samples, shape (m, 4), or None.
         uniform: The kept samples on a regular grid.
@@ -174,14 +177,23 @@ class PreparedSensor:
     """
 
     facts: RunFacts
+    described: SensorRecord
     access: SampleAccess
-    truth: Truth | None
+    motion: TrueMotion
     aligned_every: int
     aligned_to: np.ndarray | None
     uniform: UniformSamples
     correct: Correct
     mounting: VectorMounting | None
     estimate: SensorEstimate
+
+    def unaligned(self, why: Finding) -> PreparedSensor:
+        """The same, of a sensor whose truth cannot be compared with it."""
+        kept = [found for found in self.estimate.findings if found.code not in BY_A_WRONG_TRUTH]
+        estimate = replace(
+            self.estimate, unaligned=why.code, axes={}, findings=[*_not_axes(kept), why]
+        )
+        return replace(self, motion=replace(self.motion, unaligned=why.code), estimate=estimate)
 
     def run(self, filters: Sequence[OrientationFilter]) -> SensorEstimate:
         """The sensor's orientation by every filter, aligned."""
@@ -203,10 +215,11 @@ class PreparedSensor:
             running, self.estimate.clock, self.correct
         ):
             q = rotation.normalise(q_earth_from_sensor)
-            frames[key], warning = _align(self, q)
+            frames[key], told = _align(self, key, q)
             orientation[key] = as_kept(apply_frames(q, frames[key]))
-            if warning is not None:
-                findings.append(finding("frames.doubt", filter=key, doubt=warning))
+            # of an axis that the motion does not show it is enough to say it once
+            codes = {own.code for own in findings}
+            findings += [own for own in told if own.code not in ONCE or own.code not in codes]
             drift = drift_finding(
                 running[key], orientation[key], self.estimate.host_time_ns, resting
             )
@@ -219,6 +232,40 @@ class PreparedSensor:
             skipped=skipped,
             findings=findings,
         )
+
+
+BY_A_WRONG_TRUTH = {"clock.no_common_motion", "clock.periodic", "truth.foreign"}
+"""What is found where a sensor is compared with what another one went through."""
+
+
+def _not_axes(findings: list[Finding]) -> list[Finding]:
+    return [found for found in findings if not found.code.startswith("axes.")]
+
+
+ONCE = {
+    "frames.undetermined",
+    "frames.still",
+    "frames.not_level",
+    "frames.up_undetermined",
+    "frames.up_unknown",
+}
+"""Findings that are those of the motion, whichever filter shows them."""
+
+
+def _together(sensors: dict[str, PreparedSensor]) -> dict[str, PreparedSensor]:
+    """The same, of which those that moved as the truth of another says are not judged."""
+    if len(sensors) < 2:
+        return sensors
+    confused = name_confused(
+        {name: sensor.motion for name, sensor in sensors.items()},
+        {name: sensor.access.samples for name, sensor in sensors.items()},
+        {name: sensor.described for name, sensor in sensors.items()},
+        next(iter(sensors.values())).facts.settings.align_clock,
+    )
+    return {
+        name: sensor if name not in confused else sensor.unaligned(confused[name])
+        for name, sensor in sensors.items()
+    }
 
 
 def _stored(
@@ -319,25 +366,24 @@ def prepare_sensor(
     access = recording.samples(None if stored is None else _corrector(stored))
     samples = access.samples
     truth = None if recording.truth is None else recording.truth.thinned()
-    rate_delay = description.rate_delay_s or 0.0
-    clock = fit_clock(samples, truth, rate_delay) if settings.align_clock else ClockFit()
+    motion = true_motion(samples, truth, description, settings.align_clock, access.every)
+    clock = motion.clock
     time = clock.to_host(samples.device_time_ns)
     if recording.truth is not None and recording.truth.is_long:
-        truth = recording.truth.near(time)
+        motion = replace(motion, truth=recording.truth.near(time))
+    truth = None if motion.unaligned else motion.truth
     uniform, rows = access.regular(clock)
     measured = access.measured
     resting = detect_static(uniform.angular_rate(), uniform.interval, rows[measured])
     static = resting[rows] & measured
-    quality = access.quality(static)
+    quality = access.quality(static).with_flags(motion.lost)
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration = _calibrate(
             run, samples.acc, samples.gyr, time, static & ~quality.flagged, truth
         )
     plain = [samples] if stored is None and access.every == 1 else recording.raw.batches()
-    findings = [*findings, *check_samples(plain), *quality.findings]
-    if settings.align_clock and truth is not None and clock.method == "arrival":
-        findings.append(finding("clock.unfitted"))
+    findings = [*findings, *check_samples(plain), *quality.findings, *motion.findings]
     planned = sum(step.role == "calibration" and step.kind != "sweep" for step in run.steps)
     if calibration.method == "static_poses" and calibration.poses < planned:
         left_out = planned - calibration.poses
@@ -371,9 +417,10 @@ def prepare_sensor(
         every=access.every,
         axes=axes,
         stored_calibration=None if stored is None else stored.summary(),
+        unaligned=motion.unaligned,
     )
     return PreparedSensor(
-        run, access, truth, every, aligned_to, uniform, correct, mounting, estimated
+        run, description, access, motion, every, aligned_to, uniform, correct, mounting, estimated
     )
 
 
@@ -466,13 +513,19 @@ def _mounting(
     )
 
 
-def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]:
-    """The alignment of one filter, and what is doubtful about it."""
-    run, truth, time = sensor.facts, sensor.truth, sensor.estimate.host_time_ns
+def _align(sensor: PreparedSensor, key: str, q: np.ndarray) -> tuple[FrameFit, list[Finding]]:
+    """The alignment of one filter, and what is to be said of it.
+
+    Args:
+        sensor: Prepared.
+        key: Name of the filter.
+        q: q_earth_from_sensor by it, shape (n, 4).
+    """
+    run, truth, time = sensor.facts, sensor.motion.truth, sensor.estimate.host_time_ns
     sound = ~sensor.estimate.flagged
-    method = run.settings.align
-    if method == "none" or truth is None:
-        return FrameFit(), None
+    method, up_stated = run.settings.align, sensor.described.truth_world == "z_up"
+    if method == "none" or truth is None or sensor.motion.unaligned:
+        return FrameFit(up_known=up_stated), []
     if sensor.aligned_to is not None:
         every = sensor.aligned_every
         q, time, sound = q[::every], time[::every], sound[::every]
@@ -484,15 +537,18 @@ def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]
         )
         q, q_true = q[known], sensor.aligned_to[known]
         if method == "motion":
-            return _align_by_motion(
-                q, q_true, float(len(q)) * float(np.median(np.diff(time))) / NANOSECONDS
-            )
+            if len(q) < 10:
+                return _refused(key, "the truth is known too seldom to align it by motion")
+            seconds = float(len(q)) * float(np.median(np.diff(time))) / NANOSECONDS
+            fit = fit_frames_by_motion(q, q_true, seconds, up_stated)
+            return fit, findings_on(fit, key)
         if sensor.mounting is None or not len(q):
-            return FrameFit(), "the truth is known too seldom to align it by rates and gravity"
-        return fit_frames_by_vectors(q, q_true, sensor.mounting)
+            return _refused(key, "the truth is known too seldom to align it by rates and gravity")
+        fit, doubt = fit_frames_by_vectors(q, q_true, sensor.mounting)
+        return fit, [] if doubt is None else [finding("frames.doubt", filter=key, doubt=doubt)]
     step = reference_step(run.steps)
     if step is None:
-        return FrameFit(), "there is no dwell to align it in"
+        return _refused(key, "there is no dwell to align it in")
     begin, end = aligning_part(step)
     mine = sound & (time >= begin) & (time <= end)
     known = (
@@ -501,16 +557,10 @@ def _align(sensor: PreparedSensor, q: np.ndarray) -> tuple[FrameFit, str | None]
         & np.isfinite(truth.q_world_from_sensor[:, 0])
     )
     if not mine.any() or not known.any():
-        return FrameFit(), "neither it nor the truth is known in the reference pose"
-    return fit_frames(q[mine], truth.q_world_from_sensor[known], method), None
+        return _refused(key, "neither it nor the truth is known in the reference pose")
+    return fit_frames(q[mine], truth.q_world_from_sensor[known], method), []
 
 
-def _align_by_motion(
-    q: np.ndarray, q_true: np.ndarray, seconds: float
-) -> tuple[FrameFit, str | None]:
-    """Over everything before the first judged step, or over the whole of a recording that has no
-    such part.
-    """
-    if len(q) < 10:
-        return FrameFit(), "the truth is known too seldom to align it by motion"
-    return fit_frames_by_motion(q, q_true, seconds)
+def _refused(key: str, why: str) -> tuple[FrameFit, list[Finding]]:
+    """No alignment, so that nothing is judged by it."""
+    return FrameFit(refused=why), [finding("frames.refused", filter=key, why=why)]

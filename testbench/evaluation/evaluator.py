@@ -16,7 +16,7 @@ from testbench.evaluation.field_following import following_rows
 from testbench.evaluation.flexion import joint_errors, joint_rows
 from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
-from testbench.evaluation.judged import sound_truth
+from testbench.evaluation.judged import judgeable, sound_truth
 from testbench.evaluation.left_out import left_out
 from testbench.evaluation.magnetic import (
     FieldDeviation,
@@ -27,6 +27,7 @@ from testbench.evaluation.magnetic import (
 from testbench.evaluation.noise import LongRest, noise_rows, norm_error_percent
 from testbench.evaluation.orientation import (
     SensorErrors,
+    lost_truth,
     rank_sensor,
     sensor_errors,
     sensor_rows,
@@ -67,6 +68,7 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         session: The recording.
         estimate: What `estimate` made of it.
     """
+    estimate, unaligned = judgeable(estimate, session.analysis.joints)
     instants = _instants(session, estimate)
     session = session.near(instants)
     steps = judged_steps(session.steps) if session.has_protocol or session.steps else None
@@ -79,12 +81,14 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         rest = LongRest.longest(session, name, estimate.sensors[name])
         parts.append(ResultTables(noise=noise_rows(name, rest)))
         parts.append(_sensor_tables(session, estimate, name, steps, arm))
+        parts.append(ResultTables(findings=unaligned.get(name, [])))
         norms += _norm_metrics(name, rest)
     if steps is not None and not steps:
         parts.append(ResultTables(findings=[finding("judged.no_step")]))
     for name in estimate.joints:
         joint, found = _joint_tables(session, estimate, name, steps or [], arm)
         parts.append(joint)
+        parts.append(ResultTables(findings=unaligned.get(f"joint '{name}'", [])))
         cycles += found
     outliers = outlier_rows(ResultTables.joined(parts), estimate.behaviour)
     parts.append(ResultTables(outliers=outliers, findings=estimate.findings))
@@ -182,6 +186,8 @@ def _sensor_tables(
     truth, jumps = sound_truth(session, name)
     if truth is None:
         found.append(finding("judged.no_truth", name))
+    elif not sensor.orientation:
+        truth = None
     elif jumps:
         found.append(finding("judged.truth_jumps", name, count=jumps))
     own = ResultTables(
@@ -215,6 +221,10 @@ def _orientation_tables(
     ):  # else its joint tells
         known = np.isfinite(errors.q_true[:, 0])
         found = left_out(name, steps, sensor.host_time_ns, sensor.static, known, ~sensor.flagged)
+    lost = lost_truth(errors, truth)
+    if steps is None and lost:
+        count, samples_within = lost
+        found.append(finding("judged.truth_lost", name, count=count, samples=samples_within))
     parts = [
         ResultTables(
             findings=found,

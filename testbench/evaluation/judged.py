@@ -4,16 +4,21 @@ recording itself marks.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.model.truth import without_jumps
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
+from testbench.records.results.estimate import Estimate
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import Truth
 from testbench.records.session.session import Session
+from testbench.records.specs.protocol import JointDefinition
 
 SETTLING_NS = NANOSECONDS * 3 // 10
 """After a move the arm still swings in; this long is left out of a dwell (a servo of 12 Hz is
@@ -44,6 +49,41 @@ def window_rows(
     """
     windows = np.array([window(step) for step in steps], dtype=np.int64).reshape(-1, 2)
     return np.searchsorted(time_ns, windows[:, 0]), np.searchsorted(time_ns, windows[:, 1], end)
+
+
+def judgeable(
+    estimate: Estimate, joints: Mapping[str, JointDefinition]
+) -> tuple[Estimate, dict[str, list[Finding]]]:
+    """An estimate without what was not aligned to the truth, and what that is.
+
+    Args:
+        estimate: Of a session.
+        joints: As defined, by name.
+
+    Returns:
+        The rest of the estimate, and findings by sensor, and by joint as `joint 'NAME'`.
+    """
+    sensors, angles = {}, {}
+    found: dict[str, list[Finding]] = {}
+    for name, sensor in estimate.sensors.items():
+        kept = {key: q for key, q in sensor.orientation.items() if sensor.can_be_judged(key)}
+        sensors[name] = replace(sensor, orientation=kept)
+        gone = [key for key in sensor.orientation if key not in kept]
+        if gone:
+            found[name] = [finding("judged.not_aligned", name, filters=gone)]
+    for name, joint in estimate.joints.items():
+        pair = [estimate.sensors[own] for own in (joints[name].proximal, joints[name].distal)]
+        aligned = {
+            key: own
+            for key, own in joint.angles.items()
+            if all(sensor.can_be_judged(key[0]) for sensor in pair)
+        }
+        angles[name] = replace(joint, angles=aligned)
+        gone = list(dict.fromkeys(key[0] for key in joint.angles if key not in aligned))
+        if gone:
+            where = f"joint '{name}'"
+            found[where] = [finding("judged.joint_not_aligned", where, filters=gone)]
+    return replace(estimate, sensors=sensors, joints=angles), found
 
 
 def sound_truth(session: Session, sensor: str) -> tuple[Truth | None, int]:

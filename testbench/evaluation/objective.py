@@ -121,7 +121,7 @@ class SessionJudge:
                 truth, _ = sound_truth(session, name)
                 found = (
                     None
-                    if truth is None
+                    if truth is None or estimate.sensors[name].unaligned
                     else sensor_errors(name, estimate.sensors[name], truth, steps)
                 )
                 if found is not None and found.judged.any():

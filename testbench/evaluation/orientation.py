@@ -26,7 +26,7 @@ from testbench.model import rotation
 from testbench.model.noise import random_stream
 from testbench.model.statistics.blocks import ErrorSeries, intervals, sample_series, step_series
 from testbench.model.truth import truth_at
-from testbench.records.results.estimate import SensorEstimate
+from testbench.records.results.estimate import FrameFit, SensorEstimate
 from testbench.records.results.evaluation import OrientationRow
 from testbench.records.results.evaluation_rows import (
     Comparison,
@@ -65,7 +65,9 @@ class SensorErrors:
         columns = {"host_time_ns": self.estimate.host_time_ns, "judged": self.judged}
         for key, errors in self.errors.items():
             for part in ("total", "heading", "inclination"):
-                columns[f"{key}_{part}_rad"] = getattr(errors, part).astype(np.float32)
+                values = getattr(errors, part)
+                if part == "total" or np.isfinite(values).any():
+                    columns[f"{key}_{part}_rad"] = values.astype(np.float32)
         return columns
 
     def by_motion(self) -> dict[str, np.ndarray]:
@@ -123,8 +125,53 @@ def sensor_errors(
             (step, rows[judged[rows]]) for step, rows in rows_by_step(steps, time, estimate.static)
         ]
         by_step = [(step, rows) for step, rows in counted if len(rows)]
-    errors = {key: orientation_errors(q, q_true) for key, q in estimate.orientation.items()}
+    errors = {
+        key: aligned_errors(q, q_true, estimate.frames.get(key, FrameFit()))
+        for key, q in estimate.orientation.items()
+    }
     return SensorErrors(name, estimate, q_true, judged, by_step, errors)
+
+
+def aligned_errors(
+    q_estimated: np.ndarray, q_true: np.ndarray, frames: FrameFit
+) -> OrientationErrors:
+    """Errors, with heading and inclination about the vertical of the truth's world.
+
+    NaN for both where nobody knows that vertical.
+
+    Args:
+        q_estimated: q_world_from_sensor by a filter, shape (n, 4).
+        q_true: The truth, shape (n, 4).
+        frames: The filter's alignment.
+    """
+    if frames.leans:
+        level_from_world = rotation.conjugate(
+            rotation.from_rotation_vector(np.radians(np.array(frames.tilt_deg)))
+        )
+        q_estimated = rotation.multiply(level_from_world, q_estimated)
+        q_true = rotation.multiply(level_from_world, q_true)
+    errors = orientation_errors(q_estimated, q_true)
+    if frames.up_known:
+        return errors
+    unknown = np.full(len(errors.total), np.nan)
+    return OrientationErrors(errors.total, unknown, unknown)
+
+
+def lost_truth(sensor: SensorErrors, truth: Truth) -> tuple[int, int] | None:
+    """How many samples between the first and the last known orientation have no truth, and how
+    many there are; None where all have.
+
+    Args:
+        sensor: Its errors.
+        truth: Of the sensor.
+    """
+    known = truth.host_time_ns[np.isfinite(truth.q_world_from_sensor[:, 0])]
+    if not len(known):
+        return None
+    time = sensor.estimate.host_time_ns
+    within = (time >= known[0]) & (time <= known[-1])
+    lost = int(np.sum(within & ~np.isfinite(sensor.q_true[:, 0])))
+    return (lost, int(within.sum())) if lost else None
 
 
 def sensor_rows(sensor: SensorErrors) -> list[OrientationRow]:
@@ -176,7 +223,10 @@ def summarise_sensor(
             ("heading", errors.heading),
             ("inclination", errors.inclination),
         ):
-            estimated = ANGLES[part](own) if part in ANGLES else None
+            if not np.isfinite(error).any():  # nobody knows where up is
+                continue
+            level = not sensor.estimate.frames.get(key, FrameFit()).leans
+            estimated = ANGLES[part](own) if part in ANGLES and level else None
             budget = stated.get(part)
             expanded = (
                 (None, None)

@@ -5,16 +5,18 @@ docs/formats.md explains it.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from testbench.exceptions import NotFoundError
 from testbench.formats.axes import PRESETS, AxisNames
-from testbench.formats.units import AccUnit, GyrUnit, MagUnit, TimeUnit
+from testbench.formats.units import AccUnit, GyrUnit, MagUnit, TimeUnit, known_unit, unit_names
 from testbench.records.disk.yaml_file import YamlDocument, load_yaml
-from testbench.records.specs.protocol import Estimation
+from testbench.records.specs.exclusion import Exclusion
+from testbench.records.specs.protocol import Estimation, JointDefinition, Segment
 from testbench.records.specs.strict import Name, Placement, StrictModel
 
 Column = Annotated[
@@ -22,18 +24,20 @@ Column = Annotated[
 ]
 Columns3 = Annotated[list[Column], Field(min_length=3, max_length=3)]
 Columns4 = Annotated[list[Column], Field(min_length=4, max_length=4)]
+Patterns = Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
 MAPPINGS = PRESETS / "mappings"
+Encoding = Literal["auto", "utf-8", "utf-16", "utf-16-le", "utf-16-be", "latin-1", "cp1252"]
 
 
 class TextLayout(StrictModel):
-    """How a text file is written; Parquet needs none of it."""
+    """How a text file is written; Parquet, MATLAB and HDF5 need none of it."""
 
     separator: Literal["auto", "comma", "semicolon", "tab", "blanks"] = Field(
         default="auto", description="Between columns."
     )
     decimal: Literal["auto", "point", "comma"] = Field(default="auto", description="In numbers.")
-    encoding: Literal["auto", "utf-8", "utf-16", "latin-1", "cp1252"] = Field(
-        default="auto", description="auto: UTF-8 or UTF-16."
+    encoding: Encoding = Field(
+        default="auto", description="auto: UTF-8, or UTF-16 with a mark or without."
     )
     skip_lines: int = Field(default=0, ge=0, le=150, description="Lines before the header.")
     header: bool = Field(
@@ -62,10 +66,42 @@ class TimeColumn(StrictModel):
         return self
 
 
-class VectorColumns(StrictModel):
+class InAFile(StrictModel):
+    """A quantity that may stand in a file of its own, with its own times."""
+
+    file: Patterns | None = Field(
+        default=None,
+        description="Which of the files it is in, as a pattern, or several of which the first that "
+        "fits counts; null: that of its sensor.",
+    )
+    time: TimeColumn | None = Field(
+        default=None, description="Times of its rows; null: as in the whole mapping."
+    )
+    optional: bool = Field(
+        default=False, description="true: left out where no file fits `file`, instead of refused."
+    )
+
+    @model_validator(mode="after")
+    def _optional_file(self) -> InAFile:
+        if self.optional and self.file is None:
+            raise ValueError("optional goes with a `file` of its own")
+        return self
+
+
+def _one_of(columns: object, array: str | None) -> None:
+    if (columns is None) == (array is None):
+        raise ValueError("give either columns, or array: the name of an array that holds all")
+
+
+class VectorColumns(InAFile):
     """Three columns; value = (number - offset) x scale, in the unit."""
 
-    columns: Columns3 = Field(description="For x, y, z.")
+    columns: Columns3 | None = Field(default=None, description="For x, y, z.")
+    array: str | None = Field(
+        default=None,
+        description="In place of columns: an array of three columns of a MATLAB or HDF5 file, by "
+        "its path, such as Sensors/7/Accelerometer.",
+    )
     offset: float = Field(
         default=0.0, description="Taken off each number first, e.g. 32768 for unsigned counts."
     )
@@ -76,9 +112,44 @@ class VectorColumns(StrictModel):
 
     @model_validator(mode="after")
     def _scale_is_not_zero(self) -> VectorColumns:
+        _one_of(self.columns, self.array)
         if self.scale == 0:
             raise ValueError("a scale of 0 would lose every sample")
         return self
+
+
+_WITH_UNIT = re.compile(r"\s*(\d+\.?\d*(?:[eE][-+]?\d+)?)\s*(\S.*?)\s*")
+
+
+def full_scale_parts(quantity: str, stated: float | str) -> tuple[float, str | None]:
+    """A stated full scale as a number and its unit, None for that of the quantity.
+
+    Args:
+        quantity: "acc" or "gyr".
+        stated: Such as 16, or "16 g".
+
+    Raises:
+        ValueError: It is no such thing.
+    """
+    unit = None
+    if isinstance(stated, str):
+        found = _WITH_UNIT.fullmatch(stated)
+        if found is None or known_unit(quantity, found[2]) is None:
+            raise ValueError(
+                f"'{stated}' is no full scale; write a number in the quantity's unit, or one with "
+                f"its unit ({', '.join(unit_names(quantity))})"
+            )
+        stated, unit = float(found[1]), found[2]
+    if stated <= 0:
+        raise ValueError("a full scale is more than 0")
+    return float(stated), unit
+
+
+FULL_SCALE = Field(
+    default=None,
+    description="Largest reading of an axis, in `unit`, or with its own such as '16 g'; readings "
+    "there count as clipped.",
+)
 
 
 class AccColumns(VectorColumns):
@@ -87,6 +158,14 @@ class AccColumns(VectorColumns):
     unit: AccUnit | None = Field(
         default=None, description="Left out: told by gravity at rest, or asked for."
     )
+    full_scale: float | str | None = FULL_SCALE
+
+    @field_validator("full_scale")
+    @classmethod
+    def _can_be(cls, stated: float | str | None) -> float | str | None:
+        if stated is not None:
+            full_scale_parts("acc", stated)
+        return stated
 
 
 class GyrColumns(VectorColumns):
@@ -95,6 +174,14 @@ class GyrColumns(VectorColumns):
     unit: GyrUnit | None = Field(
         default=None, description="Left out: told by the accelerometer's turns, or asked for."
     )
+    full_scale: float | str | None = FULL_SCALE
+
+    @field_validator("full_scale")
+    @classmethod
+    def _can_be(cls, stated: float | str | None) -> float | str | None:
+        if stated is not None:
+            full_scale_parts("gyr", stated)
+        return stated
 
 
 class MagColumns(VectorColumns):
@@ -106,12 +193,29 @@ class MagColumns(VectorColumns):
 class QuaternionColumns(StrictModel):
     """Orientations."""
 
-    columns: Columns4 = Field(description="In the order that `order` says.")
+    columns: Columns4 | None = Field(default=None, description="In the order that `order` says.")
+    array: str | None = Field(
+        default=None, description="In place of columns: an array of four columns, by its path."
+    )
     order: Literal["wxyz", "xyzw"] = Field(description="Where the scalar stands.")
     direction: Literal["earth_from_sensor", "sensor_from_earth"] = Field(
         default="earth_from_sensor",
         description="earth_from_sensor: turns vectors of the sensor into the earth.",
     )
+    earth: Literal["ENU", "NED", "NWU"] = Field(
+        default="ENU",
+        description="What the earth's x, y and z point to: east, north, up; north, east, down; or "
+        "north, west, up.",
+    )
+
+    @model_validator(mode="after")
+    def _columns_or_array(self) -> QuaternionColumns:
+        _one_of(self.columns, self.array)
+        return self
+
+
+class DeviceQuaternion(QuaternionColumns, InAFile):
+    """Orientations by the sensor's own filter."""
 
 
 class TruthColumns(QuaternionColumns):
@@ -136,6 +240,10 @@ class TruthColumns(QuaternionColumns):
     mounting: Placement = Field(
         default_factory=Placement, description="The sensor in the body whose orientation this is."
     )
+    world: Literal["z_up", "unknown"] = Field(
+        default="z_up",
+        description="Whether the reference's z points up, or nobody knows where up is in it.",
+    )
 
     @model_validator(mode="after")
     def _file_has_times(self) -> TruthColumns:
@@ -152,14 +260,14 @@ class SensorColumns(StrictModel):
     """One inertial sensor."""
 
     description: str = Field(default="", description="For people.")
-    file: str | None = Field(
+    file: Patterns | None = Field(
         default=None,
         description="Which of the files it is in, as a pattern: *_wrist.csv; null: any.",
     )
     acc: AccColumns | None = None
     gyr: GyrColumns | None = None
     mag: MagColumns | None = None
-    quaternion: QuaternionColumns | None = Field(
+    quaternion: DeviceQuaternion | None = Field(
         default=None, description="By the sensor's own filter."
     )
     temperature: Column | None = Field(default=None, description="Temperature of the part [deg C].")
@@ -168,6 +276,11 @@ class SensorColumns(StrictModel):
     )
     axes: str | AxisNames | None = Field(
         default=None, description="Name of an axis map, or {x: -z, y: -y, z: -x}."
+    )
+    sampling: Literal["instantaneous", "integrated"] = Field(
+        default="instantaneous",
+        description="integrated: a value is the mean over the interval before its stamp, and so "
+        "half an interval older.",
     )
     truth: TruthColumns | None = None
 
@@ -192,6 +305,20 @@ class MappingSpec(StrictModel):
         description="Or their rate; beside times, only for the record.",
     )
     sensors: dict[Name, SensorColumns] = Field(min_length=1, max_length=64)
+    segments: dict[Name, Name | Segment] = Field(
+        default={},
+        max_length=64,
+        description="Body segment that each sensor stands for, by sensor: a name, or {name, "
+        "rotation_deg}.",
+    )
+    joints: dict[Name, JointDefinition] = Field(
+        default={}, max_length=64, description="Joint angles between sensors, as in a protocol."
+    )
+    exclude: list[Exclusion] = Field(
+        default=[],
+        max_length=1000,
+        description="Intervals whose samples count as lost, each with a reason.",
+    )
     estimate: Estimation | None = Field(
         default=None, description="As in a protocol; left out: what suits the sensors."
     )

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from testbench.exceptions import InputError
+from testbench.exceptions import InputError, NotFoundError
 from testbench.formats.units import QUANTITIES, Unit, find_unit
+
+ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "latin-1", "cp1252")
+"""Of text files, as Python knows them."""
 
 
 @dataclass
@@ -20,6 +23,7 @@ class Options:
         units: Unit by quantity (acc, gyr, mag, time).
         axes: Axis map for every sensor, by name or as "x: -z, y: -y, z: -x".
         recorded_at: When it was recorded, ISO 8601, where the files do not say, or say it wrongly.
+        encoding: Of text files; None to go by their first bytes.
         asked: What an importer has asked for so far.
     """
 
@@ -28,6 +32,7 @@ class Options:
     units: dict[str, str] = field(default_factory=dict)
     axes: str | None = None
     recorded_at: str | None = None
+    encoding: str | None = None
     asked: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
@@ -38,6 +43,8 @@ class Options:
                     f"{', '.join(QUANTITIES)}, time"
                 )
             find_unit(quantity, unit)
+        if self.encoding is not None and self.encoding not in ENCODINGS:
+            raise NotFoundError("encoding (--encoding)", self.encoding, list(ENCODINGS))
         if self.rate is not None and not 0.01 <= self.rate <= 100_000:
             raise InputError(
                 f"--rate {self.rate:g}: a sampling rate lies between 0.01 and 100000 Hz"
@@ -65,6 +72,11 @@ class Options:
         self.asked.add("rate")
         return self.rate if self.rate is not None else stated
 
+    def encoding_or(self, stated: str | None) -> str | None:
+        """The encoding of text files that the person says, else the given one."""
+        self.asked.add("encoding")
+        return self.encoding if self.encoding is not None else stated
+
     def mapping_name(self) -> str | None:
         """The mapping, if one was given."""
         self.asked.add("mapping")
@@ -83,6 +95,9 @@ class Options:
         ]
         given += ["--rate"] if self.rate is not None and "rate" not in self.asked else []
         given += ["--mapping"] if self.mapping is not None and "mapping" not in self.asked else []
+        given += (
+            ["--encoding"] if self.encoding is not None and "encoding" not in self.asked else []
+        )
         if given:
             raise InputError(
                 f"{', '.join(given)}: has no effect on files of the format {format_name}; leave it "

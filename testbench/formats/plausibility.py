@@ -27,8 +27,13 @@ def gather(chunks: Iterable[ImuSamples]) -> Evidence:
     return evidence_of(islice(chunks, MOST_CHUNKS))
 
 
-def _unit_that_fits(quantity: str, evidence: Evidence) -> Unit | None:
-    """The unit in which the numbers make sense; None where nothing, or more than one, does."""
+def unit_that_fits(quantity: str, evidence: Evidence) -> Unit | None:
+    """The unit in which the numbers make sense; None where nothing, or more than one, does.
+
+    Args:
+        quantity: "acc" or "gyr".
+        evidence: Of the numbers as they are.
+    """
     units = [find_unit(quantity, name) for name in unit_names(quantity)]
     if quantity == "gyr":
         name = evidence.unit_of_rate({unit.name: unit.factor for unit in units})
@@ -54,7 +59,7 @@ def decide_unit(quantity: str, evidence: Evidence, sensor: str, answer: str) -> 
     """
     if evidence.time is not None:
         raise InputError(f"sensor '{sensor}': {evidence.time}")
-    fitting = _unit_that_fits(quantity, evidence)
+    fitting = unit_that_fits(quantity, evidence)
     if fitting is not None:
         return fitting
     word = "accelerometer" if quantity == "acc" else "gyroscope"

@@ -27,6 +27,8 @@ LOWEST_HZ, HIGHEST_HZ = 1.0, 10_000.0
 beyond 8 kHz: a rate outside is one of a wrong unit first, and else is confirmed by stating it."""
 LOWEST_OF_TRUTH_HZ = 0.01
 """A truth whose unit is stated may be as slow as one of poses that are held for a minute."""
+SLOWEST_HZ, FASTEST_HZ = 0.001, 1e6
+"""Rates beyond which no answer is believed."""
 USUAL_HZ = 100.0
 FIRST_UNIX_S, LAST_UNIX_S = 631_152_000, 4_102_444_800
 """1990 and 2100: Unix times between them are told by their size in s, ms, us or ns."""
@@ -119,6 +121,12 @@ def read_stamps(
         return StampedTime(column, unit, bits, tick, exact, asking.rate)
 
     measured = None if step is None else 1 / (step * seconds)
+    if measured is not None and asking.rate is None and not SLOWEST_HZ <= measured <= FASTEST_HZ:
+        raise InputError(
+            f"{asking.who}: the column {column} in {unit} gives {measured:.4g} Hz; a rate lies "
+            f"between {SLOWEST_HZ:g} and {FASTEST_HZ:g} Hz. State another unit with "
+            f"{asking.answer('UNIT')}"
+        )
     return Stamps(make, findings, measured, unix == unit)
 
 
@@ -194,7 +202,7 @@ def _unit(
     if asking.answered is not None:
         return cast(TimeUnit, asking.answered), []
     rates = {} if step is None else {u: 1 / (step * SECONDS[u]) for u in unit_names("time")}
-    fitting = [u for u in rates if asking.lowest_hz < rates[u] <= HIGHEST_HZ]
+    fitting = [u for u in rates if asking.lowest_hz <= rates[u] <= HIGHEST_HZ]
     fitting.sort(key=lambda u: (u != unix, u not in DECIMAL, abs(np.log(rates[u] / USUAL_HZ))))
     tell = asking.answer("UNIT")
     if stated is None and tick_ns is None and unix is not None and (not rates or unix in fitting):
@@ -215,7 +223,7 @@ def _unit(
             f"({', '.join(unit_names('time'))})"
         )
     rate = None if step is None else 1 / (step * seconds)
-    if rate is not None and not asking.lowest_hz < rate <= HIGHEST_HZ:
+    if rate is not None and not asking.lowest_hz <= rate <= HIGHEST_HZ:
         fits = f"; in {better} it would be {rates[better]:.4g} Hz" if better in rates else ""
         confirm = f"{asking.flag.replace('UNIT', unit)} confirms it" if tick_ns is None else ""
         raise InputError(
@@ -230,13 +238,14 @@ def _unit(
 
 
 def _usual_step(values: np.ndarray) -> float | None:
-    """Mean time between samples in the unit of the column without gaps; None where none goes on."""
-    steps = np.diff(values[np.isfinite(values)])
-    ahead = steps[steps > 0]
-    if len(steps) < 2 or not len(ahead):
-        return None
-    usual = steps[(steps >= 0) & (steps <= 5 * np.median(ahead))]
-    return float(usual.mean())
+    """Mean time between samples without gaps, in the unit of the column; None where it is none."""
+    with np.errstate(over="ignore"):
+        steps = np.diff(values[np.isfinite(values)])
+        ahead = steps[steps > 0]
+        if len(steps) < 2 or not len(ahead):
+            return None
+        step = float(steps[(steps >= 0) & (steps <= 5 * np.median(ahead))].mean())
+    return step if 1e-12 < step < np.inf else None
 
 
 def _whole(source: Source, column: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -11,6 +12,7 @@ from pydantic import ValidationError
 from testbench.clock import Clock, SystemClock
 from testbench.exceptions import FileProblems, InputError
 from testbench.formats import import_recording
+from testbench.formats.mapping_text import mapping_yaml, write_new
 from testbench.formats.options import Options
 from testbench.formats.truth.attach import TruthOptions
 from testbench.pipeline.request import ImportRequest, TruthRequest
@@ -35,12 +37,52 @@ def bring_in(asked: ImportRequest, clock: Clock | None = None) -> Session:
         FileProblems: A file is not of this format; nothing is written then.
     """
     units = _once("--unit", (_pair("--unit", text) for text in asked.units))
-    options = Options(asked.mapping, asked.rate_hz, units, asked.axes, asked.recorded_at)
+    options = Options(
+        asked.mapping, asked.rate_hz, units, asked.axes, asked.recorded_at, asked.encoding
+    )
     truth = None if asked.truth is None else _truth(asked.truth)
     files = [Path(file) for file in asked.files]
     return import_recording(
         asked.format, files, Path(asked.out), clock or SystemClock(), options, truth
     )
+
+
+def guess_mapping(files: Iterable[str], out: str | None = None) -> Guessed:
+    """Look into foreign files, and write a mapping of them to begin with.
+
+    Args:
+        files: Of one recording.
+        out: File for the mapping; None for one called after the first of them, where the process
+            works.
+
+    Raises:
+        InputError: Nothing fits, says what was seen; or the file for the mapping is there already.
+        FileProblems: A file is not there.
+    """
+    from testbench.formats.guess import default_name, guess
+
+    paths = [Path(file) for file in files]
+    found = guess(paths)
+    if found.mapping is None:
+        return Guessed(found.formats, found.seen, None)
+    path = Path(out) if out is not None else Path(default_name(paths))
+    write_new(path, mapping_yaml(found.mapping, found.seen))
+    return Guessed(found.formats, found.seen, path)
+
+
+@dataclass(frozen=True)
+class Guessed:
+    """What files seem to be.
+
+    Attributes:
+        formats: Those that read them, each with what it finds or asks.
+        seen: What the mapping rests on.
+        mapping: Where that was written; None where no columns were recognised.
+    """
+
+    formats: dict[str, str]
+    seen: list[str]
+    mapping: Path | None
 
 
 def _truth(asked: TruthRequest) -> TruthOptions:

@@ -280,7 +280,9 @@ class TruthRequest(Asked):
     move_s: float | None = Field(
         default=None, description="How long each move takes [s]; found in the samples if null."
     )
-    offset_s: float = Field(default=0.0, description="Added to the file's times [s].")
+    offset_s: float | None = Field(
+        default=None, description="Added to the file's times [s]; null: found by the motion."
+    )
     rate_hz: float | None = Field(default=None, description="Of a log without times [Hz].")
     joint_unit: Literal["deg", "rad"] | None = Field(
         default=None, description="Of the log's joint angles, where it does not say."
@@ -318,6 +320,9 @@ class ImportRequest(Asked):
     )
     recorded_at: str | None = Field(
         default=None, description="When it was recorded, ISO 8601, where the files do not say."
+    )
+    encoding: str | None = Field(
+        default=None, description="Of text files, such as `cp1252`; by their first bytes if null."
     )
     truth: TruthRequest | None = Field(
         default=None, description="Where the truth is, if not there."

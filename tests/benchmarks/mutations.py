@@ -1,4 +1,4 @@
-"""Thousands of mutated protocols, robots, sessions and calibrations."""
+"""Thousands of mutated protocols, robots, sessions, calibrations and foreign recordings."""
 
 from __future__ import annotations
 

@@ -8,7 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.alignment.frame_alignment import apply_frames, fit_frames_by_motion
+from testbench.estimation.alignment.frame_alignment import (
+    apply_frames,
+    findings_on,
+    fit_frames_by_motion,
+)
 from testbench.estimation.alignment.hand_eye import solve_hand_eye
 
 TIME = np.linspace(0, 60, 1500)
@@ -77,9 +81,9 @@ def test_small_motion_beside_the_axis_is_warned_of_but_solved():
 
 def test_the_frames_that_are_fitted_bring_the_filter_to_the_truth():
     body, sensor, _, _ = pairs(RICH, 3)
-    fit, warning = fit_frames_by_motion(sensor, body, 60.0)
+    fit = fit_frames_by_motion(sensor, body, 60.0)
     assert fit.method == "motion"
-    assert warning is None
+    assert not fit.undetermined
     error = (
         Rotation.from_quat(apply_frames(sensor, fit), scalar_first=True)
         * Rotation.from_quat(body, scalar_first=True).inv()
@@ -90,10 +94,29 @@ def test_the_frames_that_are_fitted_bring_the_filter_to_the_truth():
 def test_without_enough_motion_only_the_heading_is_taken():
     body = np.tile(Rotation.from_euler("Z", 0.3).as_quat(scalar_first=True), (50, 1))
     sensor = np.tile(Rotation.from_euler("Z", 1.0).as_quat(scalar_first=True), (50, 1))
-    fit, warning = fit_frames_by_motion(sensor, body, 1.0)
+    fit = fit_frames_by_motion(sensor, body, 1.0)
     assert fit.method == "heading"
     assert fit.heading_deg == pytest.approx(np.degrees(-0.7))
-    assert warning is not None
+    assert len(fit.undetermined) == 3
+    assert [found.code for found in findings_on(fit, "vqf_6d")] == ["frames.still"]
+
+
+def test_about_one_axis_only_the_angle_about_it_is_held_and_the_errors_do_not_depend_on_it():
+    body, sensor, X, _ = pairs(RICH * [1, 0, 0], 1)
+    fit = fit_frames_by_motion(sensor, body, 60.0, up_known=False)
+    assert (fit.method, fit.held_by, fit.up_known) == ("motion", "mounting", False)
+    (direction,) = fit.undetermined
+    axis = np.array(direction[:3]) / np.linalg.norm(direction[:3])
+    found = Rotation.from_rotvec(np.radians(fit.mounting_deg))
+    # the true mounting differs about the axis alone, and the one that is held is the smaller
+    between = (X.inv() * found).as_rotvec()
+    assert np.linalg.norm(np.cross(between, axis)) < 1e-6
+    assert found.magnitude() <= X.magnitude() + 1e-9
+    error = (
+        Rotation.from_quat(apply_frames(sensor, fit), scalar_first=True)
+        * Rotation.from_quat(body, scalar_first=True).inv()
+    )
+    assert np.degrees(error.magnitude().max()) < 1e-6
 
 
 def test_two_pairs_are_refused():

@@ -4,6 +4,8 @@ uncertainty is honest.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -113,6 +115,141 @@ def test_a_sensor_that_never_moves_falls_back_on_the_arrival_times_and_is_late_b
 def test_the_arrival_times_alone_see_a_drift():
     fit = fit_clock(recording(0.05, 400.0)[0], None)
     assert fit.drift_ppm == pytest.approx(400, abs=40)
+
+
+def restless(rng: np.random.Generator, time: np.ndarray) -> np.ndarray:
+    """Turns about every axis with rests between them, shape (n, 3) [rad/s]."""
+    rate = np.zeros((len(time), 3))
+    for axis in range(3):
+        for f in rng.uniform(0.1, 1.0, 5):
+            rate[:, axis] += rng.uniform(0.1, 0.5) * np.sin(2 * np.pi * (f * time + rng.random()))
+    knots = np.arange(-10.0, time[-1] + 10, 4.0)
+    return rate * np.clip(np.interp(time, knots, rng.uniform(-0.4, 1.2, len(knots))), 0, 1)[:, None]
+
+
+def logs(
+    rng: np.random.Generator,
+    rate: Callable[[np.ndarray], np.ndarray],
+    begins: tuple[float, float],
+    seconds: float,
+    drift: float = 0.0,
+    wrong: float = 0.0,
+) -> tuple[ImuSamples, Truth, float]:
+    """A sensor's log and the truth's, each with a zero of its own, and the offset to be found.
+
+    Args:
+        rng: For the noise.
+        rate: Angular rate at times, shape (n,) to (n, 3) [rad/s].
+        begins: Of the sensor's log and of the truth's [s].
+        seconds: How long each lasts.
+        drift: Of the sensor's clock [1].
+        wrong: Standard deviation of scale, crosstalk, bias and bias drift of the gyroscope [1].
+    """
+    seen = np.arange(0, seconds, 1 / 60)
+    truth = Truth(
+        np.round(1e9 * seen).astype(np.int64),
+        np.tile([1.0, 0, 0, 0], (len(seen), 1)),
+        rate(seen + begins[1]) + np.radians(0.2) * rng.standard_normal((len(seen), 3)),
+    )
+    host = np.arange(0, seconds, 0.01)
+    errors = np.eye(3) + wrong * rng.standard_normal((3, 3))
+    gyr = rate(host + begins[0]) @ errors.T + wrong * rng.standard_normal(3) / 3
+    walk = np.cumsum(rng.standard_normal(gyr.shape), axis=0) / np.sqrt(len(gyr))
+    gyr += wrong / 5 * walk + 0.003 * rng.standard_normal(gyr.shape)
+    stamps = np.round(1e9 * host * (1 + drift)).astype(np.int64)
+    zero = np.zeros(len(host), dtype=bool)
+    samples = ImuSamples(
+        stamps, stamps, gyr, np.zeros_like(gyr), None, None, np.arange(len(host)), zero
+    )
+    return samples, truth, (begins[1] - begins[0]) * (1 + drift)
+
+
+@pytest.mark.parametrize(
+    ("begins", "seconds", "drift"),
+    [((0.0, 60.0), 150.0, 1e-4), ((8.0, 0.0), 60.0, -1e-3), ((0.0, 600.0), 900.0, 3e-4)],
+)
+def test_logs_that_began_long_apart_are_found(begins, seconds, drift):
+    rng = np.random.default_rng(1)
+    time = np.arange(0, max(begins) + seconds + 1, 0.005)
+    whole = restless(rng, time)
+
+    def rate(t):
+        return np.column_stack([np.interp(t, time, column) for column in whole.T])
+
+    samples, truth, offset = logs(rng, rate, begins, seconds, drift)
+    fit = fit_clock(samples, truth, common_host=False)
+    assert fit.method == "angular_rate"
+    assert fit.offset_s == pytest.approx(offset, abs=5e-3)
+    assert fit.drift_ppm == pytest.approx(1e6 * drift, abs=30)
+    assert fit.shift_s == pytest.approx(begins[1] - begins[0], abs=0.5)
+
+
+def test_logs_of_different_motions_are_refused():
+    rng = np.random.default_rng(2)
+    time = np.arange(0, 130, 0.005)
+    for _ in range(5):
+        one, other = restless(rng, time), restless(rng, time)
+
+        def rate(t, of):
+            return np.column_stack([np.interp(t, time, column) for column in of.T])
+
+        samples, _, _ = logs(rng, lambda t, of=one: rate(t, of), (0.0, 0.0), 100.0)
+        _, truth, _ = logs(rng, lambda t, of=other: rate(t, of), (0.0, 0.0), 100.0)
+        fit = fit_clock(samples, truth, common_host=False)
+        assert (fit.method, fit.refused) == ("arrival", "no common motion")
+
+
+def test_a_motion_that_repeats_itself_fits_at_several_shifts_unless_one_is_stated():
+    rng = np.random.default_rng(3)
+
+    def rate(t):
+        return np.sin(2 * np.pi * t / 4)[:, None] * [1.5, 0.0, 0.0]
+
+    samples, truth, offset = logs(rng, rate, (0.0, 0.3), 80.0)
+    fit = fit_clock(samples, truth, common_host=False)
+    assert (fit.method, fit.refused) == ("arrival", "periodic")
+    # the magnitude repeats itself twice in a period
+    apart = np.sort(fit.candidates_s)
+    assert len(apart) > 2 and np.diff(apart) % 2 == pytest.approx(0, abs=0.05)
+    stated = fit_clock(samples, truth, common_host=False, near=True)
+    assert stated.method == "angular_rate"
+    assert stated.offset_s == pytest.approx(offset, abs=5e-3)
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_a_truth_in_another_unit_of_time_is_told(factor):
+    rng = np.random.default_rng(4)
+    time = np.arange(0, 130, 0.005)
+    whole = restless(rng, time)
+
+    def rate(t):
+        return np.column_stack([np.interp(t, time, column) for column in whole.T])
+
+    samples, truth, _ = logs(rng, rate, (0.0, 5.0), 100.0)
+    wrong = Truth(
+        np.round(truth.host_time_ns * factor).astype(np.int64),
+        truth.q_world_from_sensor,
+        truth.rate / factor,
+    )
+    fit = fit_clock(samples, wrong, common_host=False)
+    assert (fit.refused, fit.unit_factor) == ("unit", pytest.approx(1 / factor))
+
+
+def test_the_stated_uncertainty_covers_what_no_model_holds():
+    scores = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        time = np.arange(0, 140, 0.005)
+        whole = restless(rng, time)
+
+        def rate(t, of=whole, at=time):
+            return np.column_stack([np.interp(t, at, column) for column in of.T])
+
+        samples, truth, offset = logs(rng, rate, (0.0, 5.0), 120.0, 5e-5, wrong=0.01)
+        fit = fit_clock(samples, truth, common_host=False)
+        scores.append((fit.offset_s - offset) / fit.offset_sd_s)
+    assert np.mean(np.abs(scores) < 2) >= 0.9
+    assert np.sqrt(np.mean(np.square(scores))) > 0.3
 
 
 def test_no_fit_leaves_times_as_they_are():

@@ -15,7 +15,7 @@ G = 9.80665
 
 @dataclass(frozen=True)
 class Motion:
-    """Rest, then turns about all axes, then rest; in SI units, without noise.
+    """Rest, then turns about all axes, then rest; in SI units, with hardly any noise.
 
     Attributes:
         t: [s].
@@ -45,11 +45,12 @@ def turned(n: int = 600, rate: float = 100.0) -> Motion:
         rotation = rotation * Rotation.from_rotvec(rate_now / rate)
     whole = Rotation.concatenate(orientations)
     down = whole.inv()
+    rng = np.random.default_rng(1)  # a sensor that lives never reads the same twice
     return Motion(
         t,
         whole.as_quat(scalar_first=True),
-        gyr,
-        down.apply([0, 0, G]),
+        gyr + rng.normal(0, 1e-7, gyr.shape),
+        down.apply([0, 0, G]) + rng.normal(0, 1e-6, gyr.shape),
         down.apply([0.0, 24.0, -39.0]),
     )
 

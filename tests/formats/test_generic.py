@@ -123,7 +123,7 @@ def test_the_lines_of_a_serial_board_import_by_their_shipped_mapping(tmp_path, m
 def test_units_stated_or_told_by_gravity_and_turns(
     plain, motion, load, acc, acc_factor, gyr, gyr_factor, stated
 ):
-    m = motion(600)
+    m = motion(2400)
     text = PLAIN.replace("unit: m/s^2", f"unit: {acc}").replace("unit: rad/s", f"unit: {gyr}")
     if not stated:
         text = text.replace(f", unit: {acc}}}", "}").replace(f", unit: {gyr}}}", "}")

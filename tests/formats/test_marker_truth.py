@@ -26,7 +26,8 @@ MARKERS = {"foot": ["S1", "S2", "S3", "S4"]}
 def load(tmp_path, clock, table, xyz, motion):
     """Imports a sensor of 6 s at 100 Hz with a truth, and gives the session."""
     m = motion(600)
-    columns = {"Time (s)": m.t} | xyz("Acc{}", m.acc) | xyz("Gyr{}", m.gyr)
+    columns = {"Time (s)": m.t} | xyz("Acc{} (m/s^2)", m.acc)
+    columns |= xyz("Gyr{} (rad/s)", m.gyr)
     file = table("foot.csv", columns)
 
     def read(truth: Path, clusters: dict | None = None, **more) -> Session:

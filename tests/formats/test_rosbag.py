@@ -118,6 +118,24 @@ def test_what_is_no_recording_of_a_sensor_is_refused(tmp_path, motion, load):
         load(tmp_path / "a.csv")
 
 
+def test_mcap_of_other_messages_is_told_from_a_damaged_one(tmp_path, load, motion):
+    writer_module = pytest.importorskip("mcap.writer")
+    with (tmp_path / "json.mcap").open("wb") as file:
+        writer = writer_module.Writer(file)
+        writer.start()
+        schema = writer.register_schema("Imu", "jsonschema", b"{}")
+        channel = writer.register_channel("/imu", "json", schema)
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    with pytest.raises(FileProblems, match="is MCAP, but its messages are not those of ROS 2"):
+        load(tmp_path / "json.mcap")
+    ros = Ros.of(False)
+    whole = write_bag(tmp_path / "a.mcap", ros, ros.imus(motion(100), "/imu")).read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(FileProblems, match=r"`mcap recover cut\.mcap` makes a whole one"):
+        load(tmp_path / "cut.mcap")
+
+
 def test_without_the_package_the_way_to_install_it_is_said(tmp_path, load, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
     (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n")

@@ -158,3 +158,18 @@ def test_the_rate_leaves_out_pauses() -> None:
     assert rate_of_stamps(stamps_of(paused), 100.0)[0] == pytest.approx(98.0, rel=1e-3)
     rate, doubt = rate_of_stamps(np.zeros(50), 100.0)
     assert rate == 100.0 and np.isinf(doubt)
+
+
+@pytest.mark.parametrize("value", [1e308, -1e300, 5e18])
+def test_a_time_that_64_bits_do_not_hold_is_refused_with_its_row(value: float) -> None:
+    with pytest.raises(BadRowError, match="cannot be: it is more than 140 years") as caught:
+        StampedTime("t", "s")({"t": np.array([0.0, value])}, 2)
+    assert caught.value.row == 1
+    with pytest.raises(BadRowError, match="the counter n jumps by years"):
+        RegularTime(1.0, "n")({"n": np.array([0, 1 << 62])}, 2)
+
+
+def test_unix_times_of_a_column_of_numbers_keep_their_last_digits() -> None:
+    stamps = 1_600_000_000_123.0 + np.arange(4)
+    result = StampedTime("t", "ms")({"t": stamps}, 4)
+    assert list(result) == [1_600_000_000_123_000_000 + 1_000_000 * i for i in range(4)]

@@ -144,9 +144,17 @@ def test_every_format_takes_an_answer_on_its_time(name, table, xyz, motion, load
     unit = {"shimmer": "s", "mtw": "us"}.get(name, "ms")
     with pytest.raises(InputError, match=f"Hz; in {unit} it would be 100 Hz.*--unit time={unit}"):
         load(name, *files)
-    session = load(name, *files, units={"time": unit})
+    others = {"acc": "m/s^2", "gyr": "rad/s"} if name in {"mti_mat", "imu_tk"} else {}
+    session = load(name, *files, units={"time": unit} | others)
     (sensor,) = session.manifest.sensors.values()
     assert sensor.rate_hz == pytest.approx(100)
+
+
+def test_an_answer_that_makes_no_rate_at_all_is_refused(board, motion, load):
+    m = motion(200)
+    file, mapping = board(m, np.round(m.t * 1e9), "ns", form="%.0f")
+    with pytest.raises(InputError, match=r"in day gives .* Hz; a rate lies between 0.001"):
+        load("generic", file, mapping=mapping, units={"time": "day"})
 
 
 def test_an_answer_on_time_without_a_column_of_times_is_refused(table, xyz, motion, load):
@@ -242,6 +250,23 @@ def test_files_with_unix_times_keep_their_offsets(board, motion, load):
     begins = [session.imu(name).host_time_ns[0] / 1e9 for name in session.sensor_names]
     np.testing.assert_allclose(begins, [1.5, 0.0], atol=1e-6)
     assert codes(session) == ["clock.common"]
+
+
+def test_a_truth_in_the_same_rows_moves_with_its_sensor_on_the_common_clock(
+    table, xyz, motion, load, tmp_path
+):
+    m, files = motion(400), []
+    for i, start in enumerate((UNIX_S + 1.5, UNIX_S)):
+        columns = {"t": start + m.t} | xyz("a{}", m.acc, "xyz") | xyz("w{}", m.gyr, "xyz")
+        files.append(table(f"{i}.csv", columns | xyz("q{}", m.q, "wxyz"), form="%.13g"))
+    mapping = tmp_path / "truth.yaml"
+    truth = "    truth: {columns: [qw, qx, qy, qz], order: wxyz}\n"
+    mapping.write_text(MAP.format(unit="s") + truth)
+    session = load("generic", *files, mapping=str(mapping))
+    for name in session.sensor_names:
+        np.testing.assert_array_equal(
+            session.truth(name).host_time_ns, session.imu(name).host_time_ns
+        )
 
 
 def test_files_with_clocks_of_their_own_begin_together_and_it_is_said(board, motion, load):

@@ -218,7 +218,8 @@ def technaid_pair(table, xyz, m, shift: float = 0.0, times: bool = True) -> list
     stamps = {" Time (s) ": m.t} if times else {}
     physical, quaternions = dict(stamps), {k: v[::2] + shift for k, v in stamps.items()}
     for name in ("Shank", "Thigh"):
-        physical |= xyz(f" {name} Acc{{}} ", m.acc) | xyz(f" {name} Gyr{{}} ", m.gyr)
+        physical |= xyz(f" {name} Acc{{}} (m/s^2) ", m.acc)
+        physical |= xyz(f" {name} Gyr{{}} (rad/s) ", m.gyr)
         quaternions |= xyz(f" {name} q{{}}", m.q[:: 2 if times else 1], "0123")
     return [table("walk_phys.csv", physical), table("walk_quat.csv", quaternions)]
 
@@ -244,7 +245,8 @@ def test_technaid_pairs_without_times_are_merged_row_by_row(table, xyz, motion, 
 
 def test_technaid_files_of_a_single_sensor_are_one_sensor(table, xyz, motion, load):
     m = motion(600, 60.0)
-    columns = {"Time (s)": m.t} | xyz("Acc{}", m.acc) | xyz("Gyr{}", m.gyr)
+    columns = {"Time (s)": m.t} | xyz("Acc{} (m/s^2)", m.acc)
+    columns |= xyz("Gyr{} (rad/s)", m.gyr)
     files = [
         table("walk_phys.csv", columns),
         table("walk_quat.csv", {"Time (s)": m.t} | xyz("q{}", m.q, "0123")),

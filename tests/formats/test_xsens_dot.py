@@ -286,7 +286,7 @@ def test_decimal_commas_between_semicolons_are_read(table, xyz, motion, tmp_path
 def test_another_unit_than_the_formats_is_asked_for_and_answered(dot, motion, tmp_path):
     m = motion(600, 60.0)
     with pytest.raises(
-        InputError, match=r"accelerometer turns 5\d\.\d times as far.*--unit gyr=UNIT"
+        InputError, match=r"gyroscope turns 5\d\.\d times too little.*--unit gyr=UNIT"
     ):
         dot({"Acc": m.acc, "Gyr": m.gyr})
     with pytest.raises(

@@ -9,16 +9,28 @@ import os
 import random
 import shutil
 import time
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from testbench.exceptions import BenchError
 from testbench.execution.recovery import recover
+from testbench.pipeline.analyse import analyse
+from testbench.pipeline.bring_in import bring_in, guess_mapping
 from testbench.pipeline.prepared import make_plan
+from testbench.pipeline.request import ImportRequest
 from testbench.records.session.session import Session
 from testbench.records.specs.arm_calibration import load_arm_calibration
-from tests.asking import run_of
+from tests.asking import analysis, run_of
+from tests.formats.conftest import turned
+from tests.formats.foreign_arrays import mat73_with_objects, mat_with_objects
 
 NASTY = [
     "../../../../etc/passwd",
@@ -54,6 +66,7 @@ NASTY = [
     "file:///etc/passwd",
 ]
 SLOWEST_S = 2.0
+SLOWEST_WITH_ANALYSIS_S = 6.0
 
 
 @dataclass
@@ -158,6 +171,47 @@ def mutate_bytes(data: bytes, rng: random.Random) -> bytes:
     return bytes(array)
 
 
+MAPPING = """\
+description: a small recording
+time: {column: imu/t, unit: s}
+sensors:
+  imu:
+    acc: {columns: [ax, ay, az], unit: m/s^2, full_scale: 16 g}
+    gyr: {columns: [wx, wy, wz], unit: rad/s}
+    mag: {columns: [mx, my, mz], unit: uT}
+    quaternion: {columns: [qw, qx, qy, qz], order: wxyz}
+    sampling: integrated
+segments: {imu: forearm}
+exclude: [{from_s: 0.5, to_s: 0.7, reason: touched}]
+"""
+
+
+def foreign_files(folder: Path) -> dict[str, bytes]:
+    """One small recording in every form that a mapping reads, by the name of the file.
+
+    Args:
+        folder: To write in; what is written is removed again.
+    """
+    m = turned(300)
+    values = np.column_stack([m.t, m.acc, m.gyr, m.mag, m.q])
+    titles = ["imu/t", *(f"{kind}{axis}" for kind in "awm" for axis in "xyz")]
+    titles += [f"q{part}" for part in "wxyz"]
+    columns = dict(zip(titles, values.T, strict=True))
+    rows = "\n".join(",".join(f"{value:.6f}" for value in row) for row in values)
+    written = {"d.csv": (",".join(titles) + "\n" + rows + "\n").encode()}
+    plain = {title: column for title, column in columns.items() if title != "imu/t"}
+    with TemporaryDirectory(dir=folder) as name:
+        place = Path(name)
+        pq.write_table(pa.table(columns), place / "d.parquet")
+        mat_with_objects(place / "d.mat", {"imu": {"t": m.t}, **plain})
+        mat_with_objects(place / "packed.mat", {"imu": {"t": m.t}, **plain}, packed=True)
+        mat73_with_objects(place / "new.mat", columns)
+        with h5py.File(place / "d.h5", "w") as file:
+            for title, column in columns.items():
+                file.create_dataset(title, data=column, chunks=True, compression="gzip")
+        return written | {path.name: path.read_bytes() for path in place.iterdir()}
+
+
 class Campaign:
     """Feeds mutated files to the doors that read them.
 
@@ -178,6 +232,7 @@ class Campaign:
         )
         self.work = folder / "work"
         self.work.mkdir()
+        self.recordings: dict[str, bytes] = {}
         self.before = self._around()
 
     def _around(self) -> set[str]:
@@ -187,7 +242,7 @@ class Campaign:
     def one(self, number: int) -> None:
         """One mutation, chosen by its number."""
         rng = random.Random(number)
-        kind = ["protocol", "protocol", "robot", "session", "calibration"][number % 5]
+        kind = ["protocol", "recording", "robot", "session", "calibration"][number % 5]
         case = self.work / f"case{number}"
         case.mkdir()
         try:
@@ -202,7 +257,7 @@ class Campaign:
                 self._fail(number, kind, f"{type(error).__name__}: {error}"[:300])
             spent = time.perf_counter() - begin
             self.found.slowest_s = max(self.found.slowest_s, spent)
-            if spent > SLOWEST_S:
+            if spent > (SLOWEST_WITH_ANALYSIS_S if kind == "recording" else SLOWEST_S):
                 self._fail(number, kind, f"took {spent:.1f} s")
         finally:
             self.found.tried += 1
@@ -236,6 +291,42 @@ class Campaign:
         file.write_text(mutate_text(self.calibration, rng), encoding="utf-8", errors="replace")
         os.chdir(case)
         load_arm_calibration(file)
+
+    def _recording(self, case: Path, rng: random.Random) -> None:
+        """A foreign file or its mapping, imported or guessed at, and analysed where it imports."""
+        if not self.recordings:
+            self.recordings = foreign_files(self.folder)
+            self.before = self._around()
+        name = rng.choice(sorted(self.recordings))
+        content, text = self.recordings[name], MAPPING
+        if rng.random() < 0.25:
+            text = mutate_text(text, rng)
+        elif name.endswith(".csv") and rng.random() < 0.7:
+            changed = mutate_text(content.decode("utf-8"), rng)
+            content = changed.encode(rng.choice(["utf-8", "utf-16-le", "cp1252"]), "replace")
+        else:
+            content = mutate_bytes(content, rng)
+        (case / name).write_bytes(content)
+        mapping = case / "map.yaml"
+        mapping.write_text(text, encoding="utf-8", errors="replace")
+        os.chdir(case)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            if rng.random() < 0.3:
+                mapping.unlink()
+                guess_mapping([str(case / name)], str(mapping))
+                if not mapping.exists():
+                    return
+            asked = ImportRequest(
+                format="generic", files=(name,), out="session", mapping="map.yaml"
+            )
+            try:
+                session = bring_in(asked)
+            except BenchError:
+                if (case / "session").exists():
+                    raise AssertionError("a refused import left a session") from None
+                raise
+            analyse(session, analysis("vqf_6d"))
 
     def _session(self, case: Path, rng: random.Random) -> None:
         copy = case / "session"

@@ -112,10 +112,12 @@ def test_clock_world_and_mounting_are_found_together(tmp_path, seed):
     assert rows[0].inclination_rmse_deg < 1.0  # the heading of a 6-axis filter drifts
 
 
-def test_a_motion_about_one_axis_is_reported_as_unobservable(tmp_path):
+def test_of_a_motion_about_one_axis_only_the_angle_about_it_is_held(tmp_path):
     session, _ = stick(tmp_path, 4, axes=1)
     sensor = estimate(session).sensors["imu"]
-    assert sensor.frames["vqf_6d"].method == "heading"
+    assert sensor.frames["vqf_6d"].method == "motion"
+    assert len(sensor.frames["vqf_6d"].undetermined) == 1
+    assert evaluate(session, estimate(session)).orientation[0].total_rmse_deg < 3.0
     warning = next(str(found) for found in sensor.findings if "one axis" in str(found))
     assert "add rotations" in warning
     assert any("one axis" in note for note in evaluate(session, estimate(session)).notes)

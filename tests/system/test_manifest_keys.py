@@ -135,7 +135,9 @@ def imports(folder: Path) -> Iterator[Session]:
         xyz("{}", 32768 + 1000 * UP / 9.80665, "xyz") | xyz("{}", REST, "uvw"),
     )
     (folder / "poses.txt").write_text("0,-90,-90,-90,90,180\n")
-    truth = TruthOptions(folder / "poses.txt", "ur3e", {"": "wrist_3_link"}, dwell=2.0, move=1.0)
+    truth = TruthOptions(
+        folder / "poses.txt", "ur3e", {"": "wrist_3_link"}, dwell=2.0, move=1.0, offset=0.0
+    )
     yield load("generic", [counts], Options(str(folder / "map.yaml")), truth)
 
 

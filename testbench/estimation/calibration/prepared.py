@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.estimation.alignment.axes import true_rates
+from testbench.estimation.alignment.true_motion import rate_delay, sensor_clock
 from testbench.estimation.calibration.gyroscope import gravity_direction_errors, turn_figures
 from testbench.estimation.calibration.poses import (
     DIRECTION_SD,
@@ -33,7 +34,6 @@ from testbench.estimation.filters import UniformSamples
 from testbench.estimation.signals.doubtful import doubts_on, without
 from testbench.estimation.signals.recording import belief_in
 from testbench.estimation.signals.segmentation import intervals_of
-from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.estimation.signals.uniform import MOST_FILLING, fill_gaps
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
@@ -42,7 +42,6 @@ from testbench.model.statistics.least_squares import PoorExcitation
 from testbench.model.truth import truth_at
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.calibration_result import Agreement, CalibrationPoses
-from testbench.records.results.estimate import ClockFit
 from testbench.records.session.samples import ImuSamples, Truth
 from testbench.records.session.session import Session
 
@@ -292,10 +291,8 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
     raw, truth = session.imu(sensor), session.truth(sensor)
     doubts = doubts_on(raw, belief_in(session, sensor))
     samples = without(raw, doubts.unknown)
-    delay = session.manifest.sensors[sensor].rate_delay_s or 0.0
-    clock = (
-        fit_clock(samples, truth, delay) if session.analysis.estimate.align_clock else ClockFit()
-    )
+    described = session.manifest.sensors[sensor]
+    clock = sensor_clock(samples, truth, described, session.analysis.estimate.align_clock)
     given = without(raw, doubts.unknown, for_filters=True)
     everything = dict.fromkeys(("acc", "mag"), len(raw) * MOST_FILLING)
     uniform, rows = fill_gaps(given, clock, everything)  # rests are cut where it was filled
@@ -358,7 +355,7 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
         rests,
         truth,
         gravity,
-        delay,
+        rate_delay(samples, described),
         chosen,
         agreements,
         remarks,

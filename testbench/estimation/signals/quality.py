@@ -12,6 +12,7 @@ from testbench.estimation.signals.doubtful import (
     CLIPPED,
     CLIPPED_RATE,
     EXCLUDED,
+    NO_UNIT,
     NOT_FINITE,
     SATURATED,
     SPIKE,
@@ -73,6 +74,15 @@ class Quality:
         """Samples that any gate refuses, shape (n,), bool."""
         return np.logical_or.reduce(list(self.flags.values()))
 
+    def with_flags(self, further: dict[str, np.ndarray]) -> Quality:
+        """The same with further samples refused.
+
+        Args:
+            further: By reason, each of shape (n,), bool.
+        """
+        counted = {reason: int(flags.sum()) for reason, flags in further.items()}
+        return Quality(self.flags | further, self.findings, self.numbers | counted)
+
     def counts(self) -> dict[str, int]:
         """Number of samples refused by each gate."""
         return self.numbers
@@ -125,7 +135,9 @@ class Inspection:
     def __init__(self, gates: Gates):
         self._gates = gates
         self._after = AfterGaps(), AfterGaps(loses_heading=False)
-        self.counts = dict.fromkeys((SATURATED, NOT_FINITE, STUCK, AFTER_GAP), 0)
+        always = [SATURATED, NOT_FINITE, STUCK, AFTER_GAP]
+        always += [NO_UNIT] if gates.measures("device_q") else []
+        self.counts = dict.fromkeys(always, 0)
         self._first: dict[str, int] = {}
         self._quantities: dict[str, set[str]] = {}
 

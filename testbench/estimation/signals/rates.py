@@ -14,6 +14,14 @@ WIDEST = 2.5
 """Orientations further apart than this many median intervals do not give a rate between them."""
 
 
+LOST_S = 0.25
+"""Between samples further apart nobody knows how a sensor turned [s]."""
+LEAST_SPAN_S = 0.05
+"""Orientations closer than this give a rate that is mostly their noise: it is taken over so long
+[s].
+"""
+
+
 @dataclass(frozen=True)
 class RateMagnitude:
     """Magnitude of the angular rate over time.
@@ -63,8 +71,10 @@ def sensor_rate(samples: ImuSamples) -> RateMagnitude:
     time = samples.device_time_ns / NANOSECONDS
     known = np.isfinite(samples.gyr).all(axis=1)
     if known.any():
-        gyr = samples.gyr[known]
-        return RateMagnitude(time[known], rotation.lengths(gyr - rest_reading(gyr)), 0.0, np.inf)
+        gyr, time = samples.gyr[known], time[known]
+        usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+        gap = max(LOST_S, WIDEST * usual)
+        return RateMagnitude(time, rotation.lengths(gyr - rest_reading(gyr)), 0.0, gap)
     if samples.device_q is not None:
         return _from_orientations(time, samples.device_q)
     return RateMagnitude(np.zeros(0), np.zeros(0), 0.0, np.inf)
@@ -96,10 +106,14 @@ def _from_orientations(time: np.ndarray, q: np.ndarray) -> RateMagnitude:
     time, q = time[fresh], q[fresh]
     if len(time) < 3:
         return RateMagnitude(np.zeros(0), np.zeros(0), 0.0, 0.0)
-    interval = np.diff(time)
-    usual = float(np.median(interval))
-    angle = rotation.angle(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))
-    close = interval <= WIDEST * usual
+    usual = float(np.median(np.diff(time)))
+    apart = min(max(round(LEAST_SPAN_S / usual), 1), len(time) - 2)
+    interval = time[apart:] - time[:-apart]
+    angle = rotation.angle(rotation.multiply(rotation.conjugate(q[:-apart]), q[apart:]))
+    close = interval <= (apart + WIDEST - 1) * usual
     return RateMagnitude(
-        (time[:-1] + interval / 2)[close], (angle / interval)[close], usual, WIDEST * usual
+        (time[:-apart] + interval / 2)[close],
+        (angle / interval)[close],
+        apart * usual,
+        (apart + WIDEST - 1) * usual,
     )

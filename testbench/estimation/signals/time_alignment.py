@@ -1,9 +1,10 @@
 """Time alignment: a sensor's clock against the host's, from the magnitude of the angular rate.
 
 The magnitude does not depend on any frame, so it needs neither heading nor mounting, and
-orientations give it whatever their signs. A coarse offset comes from cross-correlation, then offset
-and drift (with the gyroscope's gain) from least squares by Gauss-Newton, to a fraction of a sample;
-a truth of low rate is met by averaging the sensor over the same interval.
+orientations give it whatever their signs. A coarse offset comes from cross-correlation, near the
+arrival times where both were recorded by one host, else over every overlap of the two records; then
+offset and drift (with the gyroscope's gain) from least squares by Gauss-Newton, to a fraction of a
+sample; a truth of low rate is met by averaging the sensor over the same interval.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import stdtrit
 
+from testbench.estimation.signals.common_motion import find_common_motion
 from testbench.estimation.signals.rates import RateMagnitude, sensor_rate, truth_rate
 from testbench.frames import NANOSECONDS
 from testbench.model.windows import moving_mean
@@ -23,11 +26,25 @@ SEARCH_S = 3.0
 """The coarse search looks this far on either side of what the arrival times say."""
 LEAST_RATE = np.radians(2.0)
 """A record whose fastest motion stays below this says nothing of time [rad/s]."""
-ITERATIONS = 15
+ITERATIONS = 50
 MOST_POINTS = 400_000
 """More rates than this are thinned out: hours of them say no more of two numbers."""
-CLUSTER_S = 2.0
-"""Residuals closer than this count as one when the uncertainty is stated [s]."""
+CLUSTERS_S = (2.0, 4.0, 8.0, 16.0, 32.0)
+"""Residuals closer than this count as one when the uncertainty is stated: errors of a gyroscope
+last as long as a move, or longer. The least sure answer counts [s].
+"""
+FEWEST_CLUSTERS = 6
+"""Fewer do not tell how much they differ."""
+TWIN_RATES = 3.0
+"""A truth that turns this many times faster than the sensor ever does has jumped there [1]."""
+LEAST_EXPLAINED = 0.36
+"""Part of the variance of the sensor's rates that a fit must explain where nothing else ties the
+clocks together: a correlation of 0.6 [1].
+"""
+UNIT_FACTORS = (1e-3, 1e3, 1e-6, 1e6, 1e-9)
+"""By which times are wrong that were read in another unit than theirs [1]."""
+FURTHEST_SPAN = 20.0
+"""Records whose spans differ by a greater factor may be in different units [1]."""
 PART_ERROR_S = 50e-6
 """What the part's own cross-axis and g-sensitivity errors may do to the offset in every move alike
 [s]; from simulation.
@@ -36,7 +53,13 @@ MOST_DRIFT = 0.01
 """No clock drifts by more: the fit has lost its way [1]."""
 
 
-def fit_clock(samples: ImuSamples, truth: Truth | None, rate_delay: float = 0.0) -> ClockFit:
+def fit_clock(
+    samples: ImuSamples,
+    truth: Truth | None,
+    rate_delay: float = 0.0,
+    common_host: bool = True,
+    near: bool = False,
+) -> ClockFit:
     """Fit the sensor's clock to the host's.
 
     Args:
@@ -44,32 +67,106 @@ def fit_clock(samples: ImuSamples, truth: Truth | None, rate_delay: float = 0.0)
         truth: Its rates or orientations; None or motionless leaves only the arrival times.
         rate_delay: How much older than its time stamp an angular rate is [s]: half an interval for
             a sensor that integrates on board.
+        common_host: Whether one host saw the samples and the truth arrive; else each may have begun
+            at any time, and every overlap is looked at.
+        near: Whether the truth's times are known well enough to choose between shifts that fit
+            alike.
 
     Returns:
-        The fit; its method is "angular_rate", or "arrival" where nothing moves: then it is late by
-        the unknown latency.
+        The fit; its method is "angular_rate", or "arrival" where nothing can be fitted, with the
+        reason: then it is late by the unknown latency, or without a common host unknown.
     """
     arrival = _fit_arrival(samples)
     if truth is None or len(samples) < 10:
         return arrival
     true, measured = truth_rate(truth), sensor_rate(samples)
-    if len(true.time) < 10 or len(measured.time) < 10 or true.rate.max() < LEAST_RATE:
-        return arrival
+    if len(true.time) < 10 or len(measured.time) < 10:
+        return replace(arrival, refused="unknown")
+    true = _without_jumps(true, measured)
+    if len(true.time) < 10 or (common_host and true.rate.max() < LEAST_RATE):
+        return replace(arrival, refused="still")
     # the rate between two orientations is not late
     delay = rate_delay if measured.width == 0 else 0.0
     # A device's clock may count from anywhere; about its own beginning offset and drift are far
     # from singular.
     zero = float(measured.time[0]) - float(true.time[0])
-    measured = _averaged(
-        RateMagnitude(measured.time - zero - delay, measured.rate, measured.width, measured.gap),
-        true.width,
-    )
-    measured = measured.thinned(MOST_POINTS)
+    measured = replace(measured, time=measured.time - zero - delay)
+    if not common_host:
+        return _fit_anywhere(measured, true, arrival, zero, near)
+    measured = _averaged(measured, true.width).thinned(MOST_POINTS)
     drift = 1e-6 * arrival.drift_ppm
     offset = arrival.offset_s - zero
     lag = _coarse_lag((measured.time - offset) / (1 + drift), measured.rate, true)
     fit = _refine(measured, true, offset + lag, drift)
-    return arrival if fit is None else replace(fit, offset_s=fit.offset_s + zero)
+    return (
+        replace(arrival, refused="no common motion")
+        if fit is None
+        else replace(fit, offset_s=fit.offset_s + zero)
+    )
+
+
+def _fit_anywhere(
+    measured: RateMagnitude, true: RateMagnitude, arrival: ClockFit, zero: float, near: bool
+) -> ClockFit:
+    """The fit where nothing is known of when each record began; see `fit_clock`.
+
+    Args:
+        measured: By the sensor.
+        true: On the host's clock.
+        arrival: What the times say as they were read.
+        zero: Taken off the sensor's times [s].
+        near: As for `fit_clock`.
+    """
+    factor = _unit_factor(measured, true)
+    if factor is not None:
+        return replace(arrival, refused="unit", unit_factor=factor)
+    if min(measured.rate.max(), true.rate.max()) < LEAST_RATE:
+        return replace(arrival, refused="still")
+    measured = _averaged(measured, true.width)
+    found = find_common_motion(measured, true)
+    stated = arrival.offset_s - zero
+    # Shifts are named as what is to be added to the truth's times as they were read.
+    shifts = [lag - stated for lag in found.candidates_s]
+    if not shifts:
+        return replace(arrival, refused="no common motion", correlation=found.correlation)
+    chosen = 0
+    if len(shifts) > 1:
+        chosen = int(np.argmin(np.abs(shifts)))
+        others = np.delete(shifts, chosen)
+        if not near or abs(shifts[chosen]) > np.abs(others - shifts[chosen]).min() / 4:
+            return replace(arrival, refused="periodic", candidates_s=shifts)
+    begin = float(measured.time[0])
+    offset = begin - (begin - found.candidates_s[chosen]) * (1 + found.drift)
+    fit = _refine(measured.thinned(MOST_POINTS), true, offset, found.drift)
+    if fit is None or fit.correlation**2 < LEAST_EXPLAINED:
+        return replace(arrival, refused="no common motion", correlation=found.correlation)
+    return replace(fit, offset_s=fit.offset_s + zero, shift_s=shifts[chosen])
+
+
+def _without_jumps(true: RateMagnitude, measured: RateMagnitude) -> RateMagnitude:
+    """Without rates that the sensor never comes near: a reference that took one body for another
+    jumps.
+    """
+    fastest = float(np.quantile(measured.rate, 0.999))
+    kept = true.rate <= max(TWIN_RATES * fastest, np.radians(30.0))
+    if kept.all() or kept.mean() < 0.9:  # a sensor in another unit, or one that hardly turns
+        return true
+    return replace(true, time=true.time[kept], rate=true.rate[kept])
+
+
+def _unit_factor(measured: RateMagnitude, true: RateMagnitude) -> float | None:
+    """What the truth's times must be multiplied by to fit, if another unit makes them fit."""
+    spans = [float(record.time[-1] - record.time[0]) for record in (measured, true)]
+    if 1 / FURTHEST_SPAN < spans[0] / spans[1] < FURTHEST_SPAN:
+        return None
+    for factor in UNIT_FACTORS:
+        if 1 / FURTHEST_SPAN < spans[0] / (spans[1] * factor) < FURTHEST_SPAN:
+            scaled = RateMagnitude(
+                true.time * factor, true.rate / factor, true.width * factor, true.gap * factor
+            )
+            if find_common_motion(_averaged(measured, scaled.width), scaled).candidates_s:
+                return factor
+    return None
 
 
 def _fit_arrival(samples: ImuSamples) -> ClockFit:
@@ -113,6 +210,7 @@ def _coarse_lag(time: np.ndarray, rate: np.ndarray, true: RateMagnitude) -> floa
     return float(lags[np.argmax(correlation[lags])] * GRID_S)
 
 
+# One piece: what is fitted, and how sure that is, share residuals and derivatives.
 def _refine(
     measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float
 ) -> ClockFit | None:
@@ -145,14 +243,17 @@ def _refine(
     if abs(drift) > MOST_DRIFT:
         return None
     variance = float(residual @ residual) / max(len(residual) - 3, 1)
-    cluster = np.floor(measured.time[inside] / CLUSTER_S).astype(np.int64)
-    candidates = (
-        variance * np.linalg.pinv(jacobian.T @ jacobian),
-        _jackknife_covariance(jacobian, residual, cluster),
-    )
+    rates = measured.rate[inside]
+    candidates = [variance * np.linalg.pinv(jacobian.T @ jacobian)]
+    for seconds in CLUSTERS_S:
+        cluster = np.floor(measured.time[inside] / seconds).astype(np.int64)
+        covariance, count = _jackknife_covariance(jacobian, residual, cluster)
+        if seconds == CLUSTERS_S[0] or count >= FEWEST_CLUSTERS:
+            # few clusters tell their own spread badly: Student's t in place of the normal
+            candidates.append(covariance * (stdtrit(max(count - 3, 2), 0.975) / 1.96) ** 2)
 
     def sd(direction: list[float], floor: float = 0.0) -> float:
-        """The larger of the two, and never less than the floor."""
+        """The largest of all, and never less than the floor."""
         weights = np.array(direction)
         return float(
             np.sqrt(max(weights @ covariance @ weights for covariance in candidates) + floor**2)
@@ -166,13 +267,15 @@ def _refine(
         residual_deg_s=float(np.degrees(np.sqrt(variance))),
         angle_error_deg=float(np.degrees(true.rate.max())) * sd([1.0, 0.0, 0.0], PART_ERROR_S),
         method="angular_rate",
+        correlation=float(np.sqrt(max(1 - variance / max(float(np.var(rates)), 1e-30), 0.0))),
     )
 
 
 def _jackknife_covariance(
     jacobian: np.ndarray, residual: np.ndarray, cluster: np.ndarray
-) -> np.ndarray:
-    """Covariance of a least-squares fit by leaving out one cluster at a time.
+) -> tuple[np.ndarray, int]:
+    """Covariance of a least-squares fit by leaving out one cluster at a time, and how many clusters
+    told something.
 
     Efron & Tibshirani 1993, chapter 11.
 
@@ -190,10 +293,10 @@ def _jackknife_covariance(
     sizes = np.trace(informations, axis1=1, axis2=2)
     telling = sizes > 1e-6 * sizes.max()  # clusters at rest say nothing
     if not telling.any():
-        return np.zeros((jacobian.shape[1],) * 2)
+        return np.zeros((jacobian.shape[1],) * 2), 0
     scores, informations = scores[telling], informations[telling]
     without = jacobian.T @ jacobian - informations
     steps = (np.linalg.pinv(without, rcond=1e-10) @ scores[:, :, None])[:, :, 0]
     count = len(steps)
     centred = steps - steps.mean(axis=0)
-    return np.asarray((count - 1) / max(count, 1) * centred.T @ centred)
+    return np.asarray((count - 1) / max(count, 1) * centred.T @ centred), count

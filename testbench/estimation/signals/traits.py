@@ -253,14 +253,16 @@ class Traits:
 
     @property
     def dead(self) -> set[str]:
-        """Triads that never measured anything: 0 throughout, or the same throughout while another
-        lives.
+        """Triads that never measured anything: a force or a field of 0 throughout, or any that is
+        the same throughout while the noise of another shows.
         """
-        if not self.has_noise:
-            return set()
         present = [own for key, own in self.of.items() if key in TRIADS and own.present]
-        lives = any(not own.constant for own in present)
-        return {own.key for own in present if own.constant and (lives or own.all_zero)}
+        noisy = self.has_noise and any(own.repeats < MOST_REPEATED for own in present)
+        return {
+            own.key
+            for own in present
+            if own.constant and (noisy or (own.all_zero and own.key != "gyr"))
+        }
 
     @property
     def frozen(self) -> bool:

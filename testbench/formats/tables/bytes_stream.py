@@ -1,6 +1,7 @@
 """The bytes of a text file from a given line on, checked as they pass.
 
-Wrong encoding, zero bytes and runaway lines are found.
+Wrong encoding, zero bytes and runaway lines are found; lines may end as Unix, Windows or the old
+Macintosh ended them.
 """
 
 from __future__ import annotations
@@ -12,27 +13,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from testbench.exceptions import FileProblems, Problem
+from testbench.formats.tables.binary_kinds import binary_kind
 
 LONGEST_LINE = 1_000_000
 """Bytes; a longer one is no row of a table."""
 BLOCK = 1 << 22
 _TOO_LONG = f"a line is longer than {LONGEST_LINE // 1_000_000} MB; this is not a table of samples"
-_KNOWN_BINARY = {
-    b"PK\x03\x04": "a zip archive or spreadsheet",
-    b"\x1f\x8b": "a gzip archive",
-    b"\x89HDF": "an HDF5 file",
-    b"MATLAB 5": "a MATLAB file",
-    b"PAR1": "a Parquet file",
-    b"%PDF": "a PDF",
-    b"\xd0\xcf\x11\xe0": "an old spreadsheet",
-    b"ARROW1": "an Arrow file",
-    b"\x89PNG": "a picture",
-    b"{\\rtf": "a word processor's file",
-    b"\xfa\xff": "a binary Xsens log (.mtb)",
-    b"\x89MCAP0": "an MCAP file",
-    b"#ROSBAG V": "a bag of ROS 1",
-    b"SQLite format 3": "an SQLite file, such as a bag of ROS 2 (.db3)",
-}
+SNIFFED = 4096
+"""Bytes from which the encoding of a file without a mark is told."""
 
 
 class LineStream(io.RawIOBase):
@@ -60,6 +48,7 @@ class LineStream(io.RawIOBase):
         self._clean = True  # the decoder holds no part of a character
         self._file = file.open("rb")
         self._lines, self._out, self._held, self._ended = 0, b"", b"", False
+        self._returns_only: bool | None = None  # whether lines end in CR alone, once that is seen
         self._skip(skip)
 
     def readable(self) -> bool:
@@ -140,6 +129,10 @@ class LineStream(io.RawIOBase):
             raise self._refuse(
                 "holds zero bytes: this is not text", self._line_of(text, text.index(b"\0"))
             )
+        if self._returns_only is None:
+            self._returns_only = b"\r" in text and b"\n" not in text
+        if self._returns_only:
+            text = text.replace(b"\r", b"\n")
         self._lines += text.count(b"\n")
         if not self._squeeze:
             return text
@@ -160,7 +153,8 @@ class LineStream(io.RawIOBase):
                 f"0x{byte:02X}" for byte in error.object[error.start : error.start + 3]
             )
             raise self._refuse(
-                f"the bytes {shown} are not {self._encoding} text; save the file in one encoding",
+                f"the bytes {shown} are not {self._encoding} text; save the file in one encoding, "
+                "or state which it is (--encoding cp1252 is usual on Windows)",
                 line,
             ) from None
         state = self._decoder.getstate()
@@ -196,20 +190,52 @@ def check_readable(file: Path) -> None:
         raise refuse("this is not a file")
     try:
         with file.open("rb") as stream:
-            head = stream.read(16)
+            empty = not stream.read(1)
+        kind = None if empty else binary_kind(file)
     except OSError as error:
         raise refuse(f"cannot be read: {error.strerror}") from None
-    if not head:
+    if empty:
         raise refuse("the file is empty")
-    for magic, what in _KNOWN_BINARY.items():
-        if head.startswith(magic):
-            raise refuse(f"this is {what}, not a text file")
+    if kind is not None:
+        raise refuse(
+            f"this is {kind.name}, not a text file" + (f"; {kind.advice}" if kind.advice else "")
+        )
 
 
-def encoding_of(file: Path) -> str:
-    """UTF-8, or UTF-16 where the file begins with its mark; nothing is guessed from the content."""
+def encoding_of(file: Path, stated: str | None = None) -> str:
+    """The encoding of a text file, by the name that Python knows it by.
+
+    Args:
+        file: That exists.
+        stated: What a person says; "utf-16" leaves the order of the bytes open.
+
+    Returns:
+        As stated; else as the mark says; UTF-16 without a mark where every other byte is zero, as
+        it is in titles and numbers; else UTF-8.
+    """
     with file.open("rb") as stream:
-        head = stream.read(4)
+        head = stream.read(SNIFFED)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16"
-    return "utf-8-sig" if head.startswith(codecs.BOM_UTF8) else "utf-8"
+        marked = "utf-16"
+    else:
+        marked = "utf-8-sig" if head.startswith(codecs.BOM_UTF8) else ""
+    if stated is not None and stated != "utf-16":
+        with_mark = {("utf-8", "utf-8-sig"), ("utf-16-le", "utf-16"), ("utf-16-be", "utf-16")}
+        return marked if (stated, marked) in with_mark else stated
+    if stated is None and marked:
+        return marked
+    order = _byte_order(head)
+    if stated == "utf-16":
+        return marked if marked == "utf-16" else order or "utf-16-le"
+    return order or "utf-8"
+
+
+def _byte_order(head: bytes) -> str | None:
+    """The UTF-16 that bytes without a mark are, None where they are none."""
+    half = len(head) // 2
+    if half < 2:
+        return None
+    first, second = head[: 2 * half : 2].count(0) / half, head[1 : 2 * half : 2].count(0) / half
+    if second > 0.7 and first < 0.1:
+        return "utf-16-le"
+    return "utf-16-be" if first > 0.7 and second < 0.1 else None

@@ -23,6 +23,8 @@ SHORT = 20
 FEW = 5
 """So many may be replaced even where samples are missing beside them."""
 HOUR_NS = 3600 * NANOSECONDS
+SLOWEST_NS = 300 * NANOSECONDS
+"""Of stamps farther apart an hour more is not told from a hole."""
 MOST_LOST = 20
 """Samples that may be missing where a counter of unknown width wraps; after more, it may as well
 have begun again."""
@@ -132,11 +134,12 @@ class Order:
         """
         if self._zero is None:
             self._zero = int(rows.time[0])
-        begin = 0
-        while True:
+        begin, at = 0, 1
+        wall_clock = self.local and _apart(habit) < SLOWEST_NS
+        for _ in range(2 * len(rows) + 2):
             steps = np.diff(rows.time[begin:])
             odd = steps < 0
-            if self.local:
+            if wall_clock:
                 odd |= np.abs(steps - HOUR_NS - _apart(habit)) <= 1.5 * _apart(habit)
             if not odd.any():
                 return rows, len(rows) if end else max(len(rows) - WINDOW, 0)
@@ -145,13 +148,15 @@ class Order:
                 return rows, max(at - WINDOW, 0)
             rows = self._mended(rows, at, habit)
             begin = max(at - WINDOW, 0)
+        raise goes_back(int(rows.time[at - 1]), rows, at)
 
     def _note(self, kind: str, rows: Rows, at: int) -> None:
         before = int(rows.time[at - 1]) if at else int(rows.time[at])
         self.log.first_ns.setdefault(kind, before - (self._zero or 0))
 
     def _mended(self, rows: Rows, at: int, habit: Habit) -> Rows:
-        if self._wraps(rows, at, habit) or (self.local and self._hour(rows, at, habit)):
+        wall_clock = self.local and _apart(habit) < SLOWEST_NS
+        if self._wraps(rows, at, habit) or (wall_clock and self._hour(rows, at, habit)):
             return rows
         time = rows.time
         low, high = max(at - WINDOW, 0), min(at + WINDOW, len(rows))

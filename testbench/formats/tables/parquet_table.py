@@ -25,6 +25,7 @@ class ParquetTable:
     file: Path
 
     def __post_init__(self) -> None:
+        self.arrays: dict[str, list[str]] = {}
         try:
             self._schema = pq.read_schema(self.file)
         except (OSError, pa.ArrowInvalid) as error:

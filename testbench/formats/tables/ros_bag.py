@@ -31,6 +31,8 @@ POSES = (
 NUMBERS = {IMU: 37, MAGNETIC_FIELD: 12}
 """Doubles behind the header of a message."""
 SUFFIXES = (".bag", ".db3", ".mcap")
+MENDS = {".bag": "rosbag reindex", ".mcap": "mcap recover"}
+"""Programs that mend a recording whose writer was killed."""
 MESSAGES_PER_CHUNK = 20_000
 
 
@@ -196,7 +198,19 @@ def _reader(path: Path) -> Any:
 
 
 def _damaged(path: Path, error: Exception) -> FileProblems:
-    return FileProblems(path, [Problem(f"not a readable bag: {_short(error)}")])
+    if "Profile is not ros2" in str(error):
+        return FileProblems(
+            path,
+            [
+                Problem(
+                    "is MCAP, but its messages are not those of ROS 2; convert it to ROS 2, or "
+                    "export the topic to CSV for the format generic"
+                )
+            ],
+        )
+    mends = MENDS.get(path.suffix.lower())
+    hint = f"; of one that was cut off, `{mends} {path.name}` makes a whole one" if mends else ""
+    return FileProblems(path, [Problem(f"not a readable bag: {_short(error)}{hint}")])
 
 
 def _short(error: Exception) -> str:

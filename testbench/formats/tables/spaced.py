@@ -14,6 +14,8 @@ from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 
 HOLE = 2.5
+LONGEST_S = 10 * 86_400
+"""A hole is at most so long, whatever stamps of an unknown unit seem to say [s]."""
 
 
 class Spaced:
@@ -43,7 +45,8 @@ class Spaced:
         if habit is not None:
             steps = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last)
             hole = steps > HOLE * habit.step_ns
-            advance[hole] = np.round(steps[hole] / habit.step_ns).astype(np.int64)
+            samples = np.minimum(steps[hole] / habit.step_ns, LONGEST_S * self._rate)
+            advance[hole] = np.round(samples).astype(np.int64)
             self._holes += int(hole.sum())
             self._longest = max(self._longest, int(advance.max()) - 1)
         index = self._index + np.cumsum(advance)

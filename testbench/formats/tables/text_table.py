@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,7 +19,11 @@ import pyarrow.compute as pc
 from pyarrow import csv as arrow_csv
 
 from testbench.exceptions import FileProblems, Problem
-from testbench.formats.tables.bytes_stream import LineStream, check_readable, encoding_of
+from testbench.formats.tables.bytes_stream import (
+    LineStream,
+    check_readable,
+    encoding_of,
+)
 from testbench.formats.tables.source import Columns, Kind
 
 BLANKS = " "
@@ -45,7 +49,7 @@ def head_of(file: Path, encoding: str | None = None) -> list[str]:
     """
     check_readable(file)
     lines: list[str] = []
-    with LineStream(file, encoding or encoding_of(file)) as stream:
+    with LineStream(file, encoding_of(file, encoding)) as stream:
         for line in stream.lines():
             lines.append(line)
             if len(lines) == HEAD_LINES:
@@ -65,7 +69,14 @@ def split_line(line: str, separator: str) -> list[str]:
 
 
 def guess_separator(header: str) -> str:
-    """The separator that cuts a header into most fields; blanks if none of them occurs."""
+    """The separator that cuts a header, or a row, into most fields; blanks if none occurs.
+
+    Commas between digits count only where there is neither a semicolon nor a tab.
+    """
+    if re.search(r"[;\t]", header):
+        header = re.sub(r"(?<=\d),(?=\d)", ".", header)
+    elif re.fullmatch(r"\s*([-+]?\d+(,\d+)?(e[-+]?\d+)?\s+)+[-+]?\d+(,\d+)?\s*", header, re.I):
+        return BLANKS
     best = max((",", ";", "\t"), key=lambda separator: len(split_line(header, separator)))
     return best if len(split_line(header, best)) > 1 else BLANKS
 
@@ -80,7 +91,9 @@ class TextTable:
         first_line: Of the data, from 1.
         separator: One character, or BLANKS.
         decimal: "." or ",".
-        encoding: Of the file; None is UTF-8, or UTF-16 where its mark says so.
+        encoding: Of the file; None, or "utf-16", to go by its first bytes.
+        twice: Places (from 1) of the columns of a title that stands more than once; such columns
+            have their place behind the title in `names`.
     """
 
     file: Path
@@ -92,7 +105,9 @@ class TextTable:
     _width: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        self.encoding = self.encoding or encoding_of(self.file)
+        self.encoding = encoding_of(self.file, self.encoding)
+        self.arrays: dict[str, list[str]] = {}
+        self.twice: dict[str, list[int]] = {}
         self._fit_width()
 
     def _fit_width(self) -> None:
@@ -112,6 +127,19 @@ class TextTable:
         elif extra_names and not any(extra_names):
             self._width = len(fields)
             self.names = self.names[: self._width]
+
+    def tell_apart(self) -> None:
+        """Give columns of the same title names of their own, `x (column 3)`.
+
+        They can then be read by their place, and still not by their title.
+        """
+        for title, count in Counter(self.names).items():
+            if count > 1:
+                self.twice[title] = [i + 1 for i, name in enumerate(self.names) if name == title]
+        self.names = [
+            f"{name} (column {i + 1})" if name in self.twice else name
+            for i, name in enumerate(self.names)
+        ]
 
     def _stream(self) -> LineStream:
         return LineStream(
@@ -185,8 +213,10 @@ class TextTable:
         parts = pc.extract_regex(column, _CLOCK)
         if parts.null_count:
             row = int(np.argmax(parts.is_null().to_numpy(zero_copy_only=False)))
+            text = str(column[row])
             raise self.problem(
-                f"'{column[row]}' does not end in a time of day hh:mm:ss (column {name})",
+                f"'{text[:40]}' does not end in a time of day hh:mm:ss (column {name})"
+                f"{_rewritten(text)}",
                 done + row,
             )
         return _instants(parts)
@@ -243,8 +273,43 @@ class TextTable:
                     else f"a number with decimal {'comma' if self.decimal == ',' else 'point'}"
                 )
                 shown = text[:40].encode("unicode_escape").decode()
-                return f"'{shown}' in the column {name} is not {what}"
+                return f"'{shown}' in the column {name} is not {what}{_rewritten(text)}"
         return None
+
+    def rounded_times(self, column: str) -> FileProblems | None:
+        """The error that the times of a column were rounded until they are the same.
+
+        None where they were not. Spreadsheets write 1.7E+12 for a stamp of 13 digits.
+        """
+        at = self.names.index(column)
+        seen: list[tuple[int, str]] = []
+        for number, line in self._rows():
+            fields = split_line(line, self.separator)
+            seen.append((number, fields[at] if at < len(fields) else ""))
+            if len(seen) == 2:
+                break
+        found = re.fullmatch(r"\d(?:[.,](\d*))?[eE]\+?(\d+)", seen[0][1]) if seen else None
+        if len(seen) < 2 or found is None or int(found[2]) <= len(found[1] or ""):
+            return None
+        (row, text), (_, following) = seen
+        if text != following:
+            return None
+        message = f"the time '{text}' in the column {column} was rounded{_rewritten(text)}"
+        return FileProblems(self.file, [Problem(message, line=row)])
+
+
+def _rewritten(text: str) -> str:
+    """What to add where a spreadsheet has written a number or time in a way of its own."""
+    if re.fullmatch(r"\d{1,2}:\d{2}([.,]\d+)?", text):
+        lost = "which shows times so and loses the hours"
+    elif re.fullmatch(r"[-+]?\d(?:[.,]\d*)?[eE]\+?\d+", text):
+        lost = "which shows long numbers so and loses their last digits"
+    else:
+        return ""
+    return (
+        f": it looks saved by a spreadsheet, {lost}; export the file again without opening it in "
+        "one, or state --rate HZ in place of the times"
+    )
 
 
 def _instants(parts: pa.Array) -> np.ndarray:
@@ -280,14 +345,21 @@ def _instants(parts: pa.Array) -> np.ndarray:
     return seconds
 
 
-def decimal_of(row: str, separator: str) -> str:
-    """A comma where a row holds numbers such as 9,81 between other separators, else a point."""
+def decimal_of(rows: Sequence[str], separator: str) -> str:
+    """A comma where rows hold numbers such as 9,81 between other separators, else a point.
+
+    Args:
+        rows: The first ones of a table; the very first may hold whole numbers only.
+        separator: Between their columns.
+    """
     if separator == ",":
         return "."
-    fields = split_line(row, separator)
-    commas = sum(bool(re.fullmatch(r"[-+]?\d+,\d+([eE][-+]?\d+)?", text)) for text in fields)
-    points = sum(bool(re.fullmatch(r"[-+]?\d+\.\d+([eE][-+]?\d+)?", text)) for text in fields)
-    return "," if commas and not points else "."
+    commas = points = 0
+    for row in rows:
+        for text in split_line(row, separator):
+            commas += bool(re.fullmatch(r"[-+]?\d*,\d+([eE][-+]?\d+)?", text))
+            points += bool(re.fullmatch(r"[-+]?\d*\.\d+([eE][-+]?\d+)?", text))
+    return "," if commas > points else "."
 
 
 def find_table(
@@ -329,6 +401,6 @@ def find_table(
     separator = guess_separator(header)
     names = split_line(header, separator)
     data = number + 1 + lines_below
-    first_row = next((line for line in lines[data:] if line.strip()), "")
-    table = TextTable(file, names, data + 1, separator, decimal_of(first_row, separator), encoding)
+    decimal = decimal_of(lines[data:], separator)
+    table = TextTable(file, names, data + 1, separator, decimal, encoding)
     return table, lines[:number]

@@ -150,7 +150,8 @@ class StampedTime(Timeline):
             values = self._unwrap(np.asarray(values, dtype=np.int64))
         if self.local:
             values = self._past_midnight(values)
-        size = np.abs(values.astype(float)) * self._tick_ns
+        with np.errstate(over="ignore"):
+            size = np.abs(values.astype(float)) * self._tick_ns
         if np.any(size > LATEST_NS):
             at = int(np.argmax(size > LATEST_NS))
             raise BadRowError(
@@ -208,7 +209,11 @@ class RegularTime(Timeline):
                 self._origin = int(index[0])
             index = index - self._origin
         self._count += count
-        return np.round(index * (NANOSECONDS / self._rate)).astype(np.int64)
+        time = np.round(index * (NANOSECONDS / self._rate))
+        if np.any(np.abs(time) > LATEST_NS):
+            at = int(np.argmax(np.abs(time) > LATEST_NS))
+            raise BadRowError(f"the counter {self._counter} jumps by years of samples", at)
+        return time.astype(np.int64)
 
 
 class SpreadTime(Timeline):

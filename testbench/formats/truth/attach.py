@@ -52,7 +52,7 @@ class TruthOptions:
         mountings: Sensor in the link, or in the body whose orientation the file holds ("" for all).
         dwell: How long each commanded pose is held [s].
         move: How long each move takes [s]; None: found in the samples.
-        offset: Added to the file's times [s].
+        offset: Added to the file's times [s]; None where nobody knows when the file began.
         rate: Of a log without times [Hz].
         joint_unit: "deg" or "rad", where the log does not say.
         calibration_poses: The first so many commanded poses calibrate the sensors and are not
@@ -68,7 +68,7 @@ class TruthOptions:
     mountings: dict[str, Placement] = field(default_factory=dict)
     dwell: float | None = None
     move: float | None = None
-    offset: float = 0.0
+    offset: float | None = None
     rate: float | None = None
     joint_unit: str | None = None
     calibration_poses: int = 0
@@ -101,6 +101,9 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
     if not options.file.is_file() and not is_bag(options.file):
         raise InputError(f"--truth {options.file}: the file does not exist")
     notes: list[str] = []
+    if options.offset is not None:
+        for sensor in recording.sensors.values():
+            sensor.details |= {"truth_offset_s": options.offset}
     if options.robot is None:
         _from_orientations(recording, options, notes)
     else:
@@ -140,7 +143,7 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
     )
     if options.time_unit is not None and (log.time_ns is None or options.rate is not None):
         raise InputError(f"--truth-time-unit has no effect: no times of {options.file} are used")
-    shift = round(options.offset * NANOSECONDS)
+    shift = round((options.offset or 0.0) * NANOSECONDS)
     recording.findings += [found.at(options.file.name) for found in log.findings]
     if log.time_ns is not None:
         later, said = later_than_samples_ns(recording, log.unix_ns, int(log.time_ns[-1]))
@@ -177,7 +180,10 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
                 )
             )
             sensor.truth = commanded_truth(kinematics, log.q, link, mounting, dwells[-1])
-        sensor.details |= {"truth": f"{kinematics.robot.name}, link {link}"}
+        sensor.details |= {
+            "truth": f"{kinematics.robot.name}, link {link}",
+            "truth_world": "z_up",
+        }
     if dwells:
         recording.steps = commanded_steps(
             dwells, log.q, kinematics.robot.joint_names, options.calibration_poses
@@ -228,7 +234,7 @@ def _from_orientations(recording: Recording, options: TruthOptions, notes: list[
         ).quaternion
         own: list[str] = []
         sensor.truth = reference_truth(
-            time + later + round(options.offset * NANOSECONDS), q, mounting, None, own
+            time + later + round((options.offset or 0.0) * NANOSECONDS), q, mounting, None, own
         )
         notes += [note for note in own if note not in notes]
     notes.append(
@@ -238,7 +244,7 @@ def _from_orientations(recording: Recording, options: TruthOptions, notes: list[
 
 def _from_bodies(recording: Recording, options: TruthOptions, notes: list[str]) -> bool:
     """Each sensor its own markers, body or frame; False if the file holds none of these."""
-    shift = round(options.offset * NANOSECONDS)
+    shift = round((options.offset or 0.0) * NANOSECONDS)
     own, mountings = options.clusters, options.mountings
     if is_bag(options.file):
         times = (recording.origin_ns, shift)

@@ -178,9 +178,9 @@ def _table(file: Path, joints: list[str], notes: list[str]) -> TextTable:
             re.search("[A-Za-z]", text.replace("e", "")) for text in fields
         ) or line.lstrip().startswith("#"):
             titles = split_line(line.lstrip("# "), separator)
-            first_row = next((row for row in lines[at + 1 :] if row.strip()), "")
             if _matching(titles, joints):
-                return TextTable(file, titles, at + 2, separator, decimal_of(first_row, separator))
+                decimal = decimal_of(lines[at + 1 :], separator)
+                return TextTable(file, titles, at + 2, separator, decimal)
             others = line if len(titles) > 1 else others  # a comment, or titles of something else
             continue
         if others and len(split_line(others, guess_separator(others))) == len(fields):
@@ -206,7 +206,7 @@ def _table(file: Path, joints: list[str], notes: list[str]) -> TextTable:
             [*joints, *[f"further_{i}" for i in range(extra)]],
             at + 1,
             separator,
-            decimal_of(line, separator),
+            decimal_of(lines[at:], separator),
         )
     raise FileProblems(
         file,

@@ -13,10 +13,10 @@ from typing import Any
 
 import h5py
 import numpy as np
-from scipy.io import loadmat
 
 from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.recording import ImportedSensor, Recording
+from testbench.formats.tables.matlab_file import load_mat
 from testbench.frames import NANOSECONDS
 from testbench.records.session.samples import ImuSamples, Truth
 from testbench.records.specs.protocol import Analysis, Estimation
@@ -58,6 +58,7 @@ def read(files: list[Path]) -> Recording:
     )
 
 
+# One piece: what is read, what it must hold, and in which shapes.
 def _load(file: Path) -> dict[str, Any]:
     def refuse(message: str) -> FileProblems:
         return FileProblems(file, [Problem(message)])
@@ -70,7 +71,9 @@ def _load(file: Path) -> dict[str, Any]:
                 data = {key: np.asarray(content[key]) for key in content}
                 data["sampling_rate"] = content.attrs.get("sampling_rate", np.nan)
         else:
-            data = {key: value for key, value in loadmat(file).items() if not key.startswith("__")}
+            data = load_mat(file)
+    except FileProblems:
+        raise
     except Exception as error:  # every reader has errors of its own for a damaged file
         raise refuse(f"not a readable MATLAB or HDF5 file: {error}") from None
     missing = [key for key in (*SHAPES, "movement", "sampling_rate") if key not in data]

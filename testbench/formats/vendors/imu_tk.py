@@ -30,8 +30,8 @@ from testbench.formats.table_sensors import asked_stamps
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
 from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import (
-    BLANKS,
     TextTable,
+    decimal_of,
     guess_separator,
     head_of,
     split_line,
@@ -124,7 +124,7 @@ def read(files: list[Path], options: Options) -> Recording:
     acc, gyr = files
     if re.search("gyr", acc.name, re.I) and not re.search("gyr", gyr.name, re.I):
         acc, gyr = gyr, acc
-    source = PairedTable(_table(acc), _table(gyr))
+    source = PairedTable(*(_table(file, options.encoding_or(None)) for file in (acc, gyr)))
     columns: dict[str, Kind] = dict.fromkeys(source.names[1:], "float")
     stamps = asked_stamps(source, "time", "s", "imu", options)
 
@@ -192,18 +192,17 @@ def read(files: list[Path], options: Options) -> Recording:
     )
 
 
-def _table(file: Path) -> TextTable:
+def _table(file: Path, encoding: str | None) -> TextTable:
     """The rows below comments and titles, if there are any."""
-    lines = head_of(file)
+    lines = head_of(file, encoding)
     for number, line in enumerate(lines, 1):
         separator = guess_separator(line)
         fields = split_line(line, separator)
         if len(fields) == 4 and all(
-            re.fullmatch(r"[-+]?[\d.]+([eE][-+]?\d+)?|[Nn]a[Nn]", text) for text in fields
+            re.fullmatch(r"[-+]?[\d.,]+([eE][-+]?\d+)?|[Nn]a[Nn]", text) for text in fields
         ):
-            return TextTable(
-                file, list(NAMES), number, separator if separator != BLANKS else BLANKS
-            )
+            decimal = decimal_of(lines[number - 1 :], separator)
+            return TextTable(file, list(NAMES), number, separator, decimal, encoding)
         if re.match(r"\s*[-+.\d]", line) and line.strip():
             raise FileProblems(
                 file,

@@ -72,7 +72,10 @@ def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], st
     """The sensor, notes, and its first stamp as it is written."""
     header = re.compile(r"(?=.*\bdateTime\b)(?=.*\bacc_x\b)", re.IGNORECASE)
     table, _ = find_table(
-        file, header, "a MATRIX export (its header has dateTime, acc_x..z, gyr_x..z)"
+        file,
+        header,
+        "a MATRIX export (its header has dateTime, acc_x..z, gyr_x..z)",
+        encoding=options.encoding_or(None),
     )
     titles = {name.lower(): name for name in table.names}
     wanted = ["datetime", *ACC, *GYR]
@@ -127,7 +130,8 @@ def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], st
     if left:
         notes.append(f"columns that were not read: {', '.join(left)}")
     stream = SampleStream(table, kinds, convert, lambda: SpreadTime(stamp, rate, whole_s))
-    first = next((line for line in head_of(file)[table.first_line - 1 :] if line.strip()), "")
+    below = head_of(file, options.encoding)[table.first_line - 1 :]
+    first = next((line for line in below if line.strip()), "")
     stamps_text = dict(zip(table.names, split_line(first, table.separator), strict=False)).get(
         stamp, ""
     )

@@ -9,8 +9,7 @@ own arrays. The file states no units: gravity at rest and the turns tell them, o
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +21,9 @@ from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.suitable import suitable_analysis
 from testbench.formats.table_sensors import Layout, table_sensor
+from testbench.formats.tables.array_table import ArrayTable
 from testbench.formats.tables.matlab_file import load_mat
 from testbench.formats.tables.recognise import Found
-from testbench.formats.tables.source import ROWS_PER_CHUNK, Columns, Kind
 
 _DATA = r"(_?(data|meas|raw|cal|calibrated))?"
 _NAMES = {
@@ -39,31 +38,6 @@ _NAMES = {
     ),
     "interval": r"(dt|ts|t_?s|sample_?(time|period)|period|interval)",
 }
-
-
-@dataclass
-class ArrayTable:
-    """Arrays in memory as a source."""
-
-    file: Path
-    arrays: dict[str, np.ndarray]
-
-    @property
-    def names(self) -> list[str]:
-        """Of the arrays."""
-        return list(self.arrays)
-
-    def chunks(self, kinds: Mapping[str, Kind]) -> Iterator[Columns]:
-        """See `Source.chunks`."""
-        count = len(next(iter(self.arrays.values())))
-        for start in range(0, count, ROWS_PER_CHUNK):
-            yield {name: self.arrays[name][start : start + ROWS_PER_CHUNK] for name in kinds}
-
-    def problem(self, message: str, row: int | None = None) -> FileProblems:
-        """Of the file, or of a sample (from 1, as MATLAB counts)."""
-        return FileProblems(
-            self.file, [Problem(message if row is None else f"sample {row + 1}: {message}")]
-        )
 
 
 def read(files: list[Path], options: Options) -> Recording:

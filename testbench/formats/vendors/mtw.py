@@ -77,6 +77,7 @@ def read(files: list[Path], options: Options) -> Recording:
             file,
             re.compile(r"^(?!\s*//).*\b(PacketCounter|SampleTimeFine|Acc_X|Gyr_X|Quat_q0)\b"),
             "an MT Manager export",
+            encoding=options.encoding_or(None),
         )
         opened.append(
             (

@@ -49,6 +49,7 @@ def read(files: list[Path], options: Options) -> Recording:
             file,
             _HEADER,
             "an NGIMU CSV (its header has Time (s) and Gyroscope X (deg/s), or W, X, Y, Z)",
+            encoding=options.encoding_or(None),
         )
         kind = "quaternion" if set(Q) <= set(table.names) else "sensors"
         tables = devices.setdefault(file.resolve().parent, {})

@@ -53,7 +53,7 @@ def read(files: list[Path], options: Options) -> Recording:
     notes: list[str] = []
     parts = []
     for file in files:
-        parts += [(file, *part) for part in _devices(file, notes)]
+        parts += [(file, *part) for part in _devices(file, options.encoding_or(None), notes)]
     names = unique_names(device or file.stem for file, device, *_ in parts)
     sensors = {}
     for name, (_, _, table, found, layout) in zip(names, parts, strict=True):
@@ -71,8 +71,10 @@ def read(files: list[Path], options: Options) -> Recording:
 
 
 # One piece: titles and units of one header are sorted by device.
-def _devices(file: Path, notes: list[str]) -> list[tuple[str, TextTable, Found, Layout]]:
-    lines = head_of(file)
+def _devices(
+    file: Path, encoding: str | None, notes: list[str]
+) -> list[tuple[str, TextTable, Found, Layout]]:
+    lines = head_of(file, encoding)
     at = next((i for i, line in enumerate(lines) if _HEADER.search(line)), None)
     following = lines[at + 1] if at is not None and at + 1 < len(lines) else ""
     has_units = bool(re.search(r"m/\(?s|deg/s|\bms\b|no_units|mSecs", following))
@@ -81,6 +83,7 @@ def _devices(file: Path, notes: list[str]) -> list[tuple[str, TextTable, Found, 
         _HEADER,
         "a Consensys export (no titles such as Shimmer_40AC_Gyro_X_CAL)",
         int(has_units),
+        encoding,
     )
     units = (
         dict(zip(table.names, split_line(following, table.separator), strict=False))

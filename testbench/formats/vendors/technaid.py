@@ -76,7 +76,12 @@ def read(files: list[Path], options: Options) -> Recording:
     notes: list[str] = []
     parts = []
     for file in files:
-        table, _ = find_table(file, _HEADER, "a Technaid CSV (no titles such as AccX, GyrX or q0)")
+        table, _ = find_table(
+            file,
+            _HEADER,
+            "a Technaid CSV (no titles such as AccX, GyrX or q0)",
+            encoding=options.encoding_or(None),
+        )
         sensors = find_sensors(table.names)
         if not sensors:
             raise table.problem(

@@ -119,7 +119,10 @@ def read(files: list[Path], options: Options) -> Recording:
     notes: list[str] = []
     for file in _expanded(files, notes):
         table, _ = find_table(
-            file, _HEADER, "an x-IMU3 CSV (its header begins with Timestamp (us))"
+            file,
+            _HEADER,
+            "an x-IMU3 CSV (its header begins with Timestamp (us))",
+            encoding=options.encoding_or(None),
         )
         kind = _kind(table)
         tables = devices.setdefault(file.resolve().parent, {})

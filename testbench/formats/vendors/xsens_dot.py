@@ -130,9 +130,13 @@ def _date(dots: list[DotFile]) -> Recorded | None:
     )
 
 
+# One piece: what the header says decides how the first rows are read.
 def _open(file: Path, options: Options) -> DotFile:
     table, above = find_table(
-        file, re.compile(rf"\b{TIME}\b"), f"an Xsens DOT export (its header has {TIME})"
+        file,
+        re.compile(rf"\b{TIME}\b"),
+        f"an Xsens DOT export (its header has {TIME})",
+        encoding=options.encoding_or(None),
     )
     table.require([TIME], "an Xsens DOT export")
     header = {}

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from testbench.records.findings.finding import Finding, Severity, Value
 from testbench.records.findings.words import (
+    alignment,
     consistency,
     estimation,
     evaluation,
     general,
     recording,
     samples,
+    structure,
     time,
     tracking,
 )
@@ -17,11 +19,13 @@ from testbench.records.findings.words.template import Template
 
 SUBJECTS: tuple[dict[str, Template], ...] = (
     general.TEMPLATES,
+    alignment.TEMPLATES,
     consistency.TEMPLATES,
     estimation.TEMPLATES,
     evaluation.TEMPLATES,
     recording.TEMPLATES,
     samples.TEMPLATES,
+    structure.TEMPLATES,
     time.TEMPLATES,
     tracking.TEMPLATES,
 )

@@ -46,8 +46,15 @@ class ClockFit:
         drift_sd_ppm: Standard uncertainty of the drift.
         residual_deg_s: RMS difference of the angular-rate magnitudes after the fit.
         angle_error_deg: Angle that the uncertainty of the time means at the peak rate.
-        method: "angular_rate", or "none" where the sensor is on the host's clock or there is no
-            truth to fit to.
+        method: "angular_rate"; "arrival" where nothing could be fitted to; "none" where the sensor
+            is on the host's clock.
+        correlation: Of the angular-rate magnitudes after the fit, or at the best shift that was
+            found [1].
+        refused: Why the motion gave no fit; "" where it did, or was not asked.
+        candidates_s: Shifts of the truth's times that fit alike, where the motion repeats itself.
+        unit_factor: What the truth's times would have to be multiplied by to fit.
+        shift_s: What the fit added to the truth's times as they were read, where each record had a
+            zero of its own.
     """
 
     offset_s: Number = 0.0
@@ -57,6 +64,11 @@ class ClockFit:
     residual_deg_s: Number = float("nan")
     angle_error_deg: Number = float("nan")
     method: str = "none"
+    correlation: Number = float("nan")
+    refused: str = ""
+    candidates_s: list[float] = field(default_factory=list)
+    unit_factor: float | None = None
+    shift_s: float | None = None
 
     def to_host(self, device_time_ns: np.ndarray) -> np.ndarray:
         """Host times of device times.
@@ -99,6 +111,18 @@ class FrameFit:
             only "motion" solves for it.
         mounting_sd_deg: Standard uncertainty of the mounting about each axis.
         observability: RMS sine of the motion about the least moved axis.
+        residual_deg: RMS angle between filter and truth that the alignment left.
+        covariance_deg2: Of small rotations of the mounting (about the axes of the sensor) and of
+            the world (about those of the filter's earth), 6 rows of 6, without what is
+            undetermined.
+        undetermined: Directions in those six that the motion does not show, unit vectors: turning
+            mounting and world along one changes nothing that was seen. They are held at `held_by`.
+        held_by: What holds them: "mounting" (nearest to the one that is believed), "vertical" (the
+            truth's z axis is up), or "".
+        up_known: Whether the vertical of the truth's world is known, so that errors can be parted
+            into heading and inclination.
+        leans: Whether that vertical is not the world's z axis but what `tilt_deg` makes of it.
+        refused: Why it could not be aligned, so that nothing is judged by it; "" where it was.
     """
 
     heading_deg: Number = 0.0
@@ -107,6 +131,13 @@ class FrameFit:
     tilt_deg: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
     mounting_sd_deg: tuple[Number, Number, Number] | None = None
     observability: float | None = None
+    residual_deg: float | None = None
+    covariance_deg2: list[list[float]] = field(default_factory=list)
+    undetermined: list[list[float]] = field(default_factory=list)
+    held_by: str = ""
+    up_known: bool = True
+    leans: bool = False
+    refused: str = ""
 
 
 @dataclass(frozen=True)
@@ -236,6 +267,8 @@ class SensorFits:
         axes: By triad, and "device_q".
         stored_calibration: Which stored calibration corrected the raw samples first
             (`calibrated_utc`, `session`, `methods`).
+        unaligned: Code of the finding that says why its truth cannot be compared with it, so that
+            nothing of it is judged; "" where it can.
     """
 
     clock: ClockFit = field(default_factory=ClockFit)
@@ -248,6 +281,7 @@ class SensorFits:
     every: int = 1
     axes: dict[str, AxisFinding] = field(default_factory=dict)
     stored_calibration: dict[str, Any] | None = None
+    unaligned: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,6 +299,10 @@ class SensorEstimate(SensorFits):
     static: np.ndarray
     orientation: dict[str, np.ndarray]
     flagged: np.ndarray
+
+    def can_be_judged(self, key: str) -> bool:
+        """Whether a filter's orientation was brought to the truth's frames and clock."""
+        return not self.unaligned and not self.frames.get(key, FrameFit()).refused
 
 
 @dataclass(frozen=True)

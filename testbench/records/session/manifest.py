@@ -80,6 +80,9 @@ class SensorRecord(_Part):
         rate_delay_s: How much older than its stamp a rate is.
         device_tag: By which a stored calibration finds the device again.
         truth: Where the truth of an import comes from.
+        truth_offset_s: What a person said is to be added to the truth's times, and was.
+        truth_world: Whether the z axis of the truth's world points up ("z_up"), or nobody knows
+            where up is in it ("unknown").
         statistics: What a recorded device counted.
     """
 
@@ -95,6 +98,8 @@ class SensorRecord(_Part):
     rate_delay_s: float | None = None
     device_tag: str | None = None
     truth: str | None = None
+    truth_offset_s: float | None = None
+    truth_world: Literal["z_up", "unknown"] = "z_up"
     statistics: dict[str, Any] = {}
 
 

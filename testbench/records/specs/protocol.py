@@ -347,6 +347,17 @@ class Environment(StrictModel):
     )
 
 
+class Body(StrictModel):
+    """What a person says of the body that carries the sensors of an imported recording."""
+
+    segments: dict[Name, Segment] = Field(
+        default={}, description="Body segment that each sensor stands for, by sensor."
+    )
+    joints: dict[Name, JointDefinition] = Field(
+        default={}, description="Joints between them, by name."
+    )
+
+
 class Analysis(StrictModel):
     """What estimate and evaluate need to know; kept in every session, imported ones too."""
 
@@ -359,6 +370,9 @@ class Analysis(StrictModel):
     )
     accept: list[AcceptanceLimit] = Field(
         default=[], description="Limits that decide pass or fail."
+    )
+    body: Body | None = Field(
+        default=None, description="Segments and joints of an import, whose sensors no arm carries."
     )
 
 

@@ -143,7 +143,7 @@ def _by_filter(evaluation: Evaluation, found: Summaries) -> Table:
             for kind in _KINDS
         ]
         for row in own:
-            heading = found[sensor, row.filter, "all", "heading"]
+            heading = found.get((sensor, row.filter, "all", "heading"))
             cells = [
                 _best(
                     with_interval(getattr(row, kind), _interval(found, row, part), 2),
@@ -151,7 +151,11 @@ def _by_filter(evaluation: Evaluation, found: Summaries) -> Table:
                 )
                 for kind, part, low in zip(_KINDS, (*_PARTS, None), lowest, strict=True)
             ]
-            mean = plus_minus(heading.errors.mean_error_deg, heading.expanded_uncertainty_deg, 2)
+            mean = (
+                number(None)
+                if heading is None
+                else plus_minus(heading.errors.mean_error_deg, heading.expanded_uncertainty_deg, 2)
+            )
             beside = [remark(far[sensor].get(row.filter, []))] if any(far.values()) else []
             rows.append(
                 Row([label(row.filter), text(sensor), *cells, mean, number(row.n, 0), *beside])
@@ -188,8 +192,13 @@ def _by_motion(evaluation: Evaluation, found: Summaries) -> Table:
             for motion in ("static", "dynamic"):
                 parts = [found.get((sensor, row.filter, motion, part)) for part in _PARTS]
                 known = [item.errors for item in parts if item is not None]
-                if len(known) == len(_PARTS):
-                    cells = [with_interval(e.rmse_deg, e.rmse_ci95_deg, 2) for e in known]
+                if known:
+                    cells = [
+                        number(None)
+                        if item is None
+                        else with_interval(item.errors.rmse_deg, item.errors.rmse_ci95_deg, 2)
+                        for item in parts
+                    ]
                     lead = [label(row.filter), text(sensor), text(motion)]
                     rows.append(Row([*lead, *cells, number(known[0].n, 0)]))
     return Table(
@@ -216,7 +225,8 @@ def _interval(
     row: OrientationRow,
     part: str | None,
 ) -> Interval:
-    return None if part is None else found[row.sensor, row.filter, "all", part].errors.rmse_ci95_deg
+    own = None if part is None else found.get((row.sensor, row.filter, "all", part))
+    return None if own is None else own.errors.rmse_ci95_deg
 
 
 def _best(cell: Cell, lowest: bool) -> Cell:

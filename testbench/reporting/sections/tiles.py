@@ -4,6 +4,7 @@ differ from the others.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -51,8 +52,11 @@ def result_tiles(evaluation: Evaluation | None, sequences: Mapping[str, str]) ->
         rows = [row for row in evaluation.orientation if row.sensor == sensor]
         leaders = _leaders(evaluation, sensor, None, [row.filter for row in rows])
         shown = _span([row.total_rmse_deg for row in rows if row.filter in leaders.filters])
-        upright = _span([row.inclination_rmse_deg for row in rows])
-        detail = f"{leaders.said}; inclination alone, all filters: {upright} deg"
+        upright = [
+            row.inclination_rmse_deg for row in rows if math.isfinite(row.inclination_rmse_deg)
+        ]
+        alone = f"; inclination alone, all filters: {_span(upright)} deg" if upright else ""
+        detail = f"{leaders.said}{alone}"
         found.append(Tile(shown, "deg", f"RMS orientation error, {sensor}", detail))
     return found
 

@@ -14,11 +14,6 @@ TEMPLATES = {
         "the magnetic field differs from its median of {usual_ut:.1f} uT by over 20 % in "
         "{disturbed_percent:.0f} % of the samples",
     ),
-    "clock.unfitted": Template(
-        WARNING,
-        "its clock could not be fitted to the motion",
-        "it is late by the unknown latency of its samples",
-    ),
     "calibration.poses_moving": Template(
         WARNING,
         "{left_out} of {planned} calibration poses were not at rest and were left out",
@@ -68,7 +63,6 @@ TEMPLATES = {
         "all signs reversed, '{reversed}': '{down}' if the field points down there, as in the "
         "north, '{up}' if it points up",
     ),
-    "frames.doubt": Template(WARNING, "{filter}: {doubt}"),
     "heading.drifts": Template(
         WARNING,
         "{filter}: its heading turns by {rate_deg_s:.2g} deg/s while the sensor rests (median "

@@ -21,6 +21,13 @@ TEMPLATES = {
     "judged.filter_left_out": Template(NOTE, "{filter} was left out: {why}"),
     "judged.samples_left_out": Template(WARNING, "{count} samples left out: {reason}"),
     "judged.no_truth": Template(NOTE, "no truth, so its orientation is not judged"),
+    "judged.not_aligned": Template(WARNING, "{filters} not judged: not aligned to the truth"),
+    "judged.joint_not_aligned": Template(
+        WARNING, "{filters} not judged: a sensor of it was not aligned to the truth"
+    ),
+    "judged.truth_lost": Template(
+        NOTE, "{count} of {samples} samples not judged: the truth is not known there"
+    ),
     "judged.no_truth_of_joint": Template(NOTE, "no truth, so its angle is not judged"),
     "judged.truth_jumps": Template(WARNING, "{count} orientations of the truth left out: jumps"),
     "judged.steps_left_out": Template(WARNING, "{lost} of {planned} {kind} not judged: {reasons}"),

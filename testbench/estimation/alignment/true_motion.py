@@ -1,0 +1,277 @@
+"""A sensor's clock and its truth, brought together and looked at: may they be compared?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from testbench.estimation.alignment.truth_reading import confused, fit_rates, misread
+from testbench.estimation.signals.time_alignment import fit_clock
+from testbench.estimation.signals.truth_faults import find_faults, without_repetitions
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
+from testbench.records.results.estimate import ClockFit
+from testbench.records.session.manifest import SensorRecord
+from testbench.records.session.samples import ImuSamples, Truth
+
+IMPORTED = "imported"
+SHIFT_TOLD_S = 0.5
+"""A shift between two logs that is worth saying [s]."""
+STILL = np.radians(1.0)
+"""A truth that stays within this needs no clock [rad]."""
+FOREIGN = 0.5
+"""A truth whose rates explain less of the variance than this is remarked on [1]."""
+ALIKE = 0.9
+"""Magnitudes of rates that correlate by more are those of one motion [1]."""
+WELL = 0.95
+"""A truth that explains more is the sensor's own [1]."""
+NOT_IN_THE_WAY = {"clock.shifted", "clock.unfitted", "clock.as_stated"}
+"""Findings on a clock by which the truth can still be compared."""
+
+
+@dataclass(frozen=True)
+class TrueMotion:
+    """What a sensor went through, on its clock.
+
+    Attributes:
+        clock: Of the sensor.
+        truth: Its lost parts unknown; None where there is none.
+        lost: Samples at which the truth was lost, by reason, each of shape (n,), bool.
+        findings: What is odd.
+        unaligned: Code of the finding by which the truth cannot be compared with it, or "".
+    """
+
+    clock: ClockFit
+    truth: Truth | None
+    lost: dict[str, np.ndarray] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+    unaligned: str = ""
+
+
+def sensor_clock(
+    samples: ImuSamples,
+    truth: Truth | None,
+    described: SensorRecord,
+    align: bool,
+    every: int = 1,
+) -> ClockFit:
+    """A sensor's clock against the host's.
+
+    Args:
+        samples: Of the sensor.
+        truth: What it went through.
+        described: What is known of it.
+        align: Whether to fit it; else the sensor is on the host's clock, and an import's begins
+            where its file does.
+        every: One of how many samples of the recording these are.
+    """
+    imported = described.driver == IMPORTED
+    if align:
+        near = described.truth_offset_s is not None
+        delay = rate_delay(samples, described, every)
+        return fit_clock(samples, truth, delay, not imported, near)
+    if not imported or not len(samples):
+        return ClockFit()
+    ahead = samples.device_time_ns - samples.host_time_ns
+    return ClockFit(offset_s=float(np.median(ahead)) / NANOSECONDS)
+
+
+def rate_delay(samples: ImuSamples, described: SensorRecord, every: int = 1) -> float:
+    """How much older than its stamp a rate is [s].
+
+    Half an interval where nobody says. Filters take a rate for the interval before its sample: of a
+    sensor that samples instants they are half an interval ahead, and a clock that is fitted with
+    this delay is late by the same.
+
+    Args:
+        samples: Of the sensor.
+        described: What is known of it.
+        every: One of how many samples of the recording these are.
+    """
+    if described.rate_delay_s is not None:
+        return described.rate_delay_s
+    if described.sampling == "instantaneous" or len(samples) < 2:
+        return 0.0
+    return float(np.median(np.diff(samples.device_time_ns))) / NANOSECONDS / 2 / every
+
+
+def true_motion(
+    samples: ImuSamples, truth: Truth | None, described: SensorRecord, align: bool, every: int
+) -> TrueMotion:
+    """Bring a sensor and its truth together.
+
+    Args:
+        samples: Of the sensor.
+        truth: What it went through, or None.
+        described: What is known of the sensor.
+        align: Whether its clock is to be fitted.
+        every: One of how many samples of the recording these are; of all only it is known how the
+            sensor turned between two.
+    """
+    clock = sensor_clock(samples, truth, described, align, every)
+    if truth is None:
+        return TrueMotion(clock, None)
+    if align and clock.refused == "no common motion":
+        moving = without_repetitions(truth)
+        if moving is not None:
+            clock = sensor_clock(samples, moving, described, align, every)
+    told = _clock_finding(clock, truth, described, samples)
+    if told is not None and told.code not in NOT_IN_THE_WAY:
+        return TrueMotion(clock, truth, findings=[told], unaligned=told.code)
+    if every > 1 or described.driver != IMPORTED:
+        return TrueMotion(clock, truth, findings=[] if told is None else [told])
+    sound = _without_faults(samples, TrueMotion(clock, truth), described, align)
+    told = _clock_finding(sound.clock, truth, described, samples)
+    doubt = _doubt(samples, sound, described)
+    findings = [*sound.findings]
+    if doubt is not None:
+        findings.append(doubt)
+    if told is not None and (doubt is None or doubt.code != "clock.no_common_motion"):
+        findings.insert(0, told)
+    unaligned = "" if doubt is None or doubt.code == "truth.foreign" else doubt.code
+    return replace(sound, findings=findings, unaligned=unaligned)
+
+
+def _without_faults(
+    samples: ImuSamples, motion: TrueMotion, described: SensorRecord, align: bool
+) -> TrueMotion:
+    """The truth without its lost parts, and the clock that is fitted to the rest.
+
+    A truth whose rest does not turn as the sensor does is another's: it is left as it is.
+    """
+    assert motion.truth is not None
+    if motion.clock.method == "arrival":
+        return motion
+    clock = motion.clock
+    faults = find_faults(samples, clock.to_host(samples.device_time_ns), motion.truth)
+    if faults.findings and align:
+        clock = sensor_clock(samples, faults.truth, described, align)
+        if clock.refused:
+            return motion
+        faults = find_faults(samples, clock.to_host(samples.device_time_ns), motion.truth)
+    if not faults.findings:
+        return motion
+    fit = fit_rates(samples, _rate_instants(samples, clock, described), faults.truth)
+    if fit is not None and fit.magnitudes < ALIKE:
+        return motion
+    lost = {"the truth stands still": faults.frozen, "the truth has stepped": faults.stepped}
+    lost = {reason: flags for reason, flags in lost.items() if flags.any()}
+    return TrueMotion(clock, faults.truth, lost, faults.findings)
+
+
+def _doubt(samples: ImuSamples, motion: TrueMotion, described: SensorRecord) -> Finding | None:
+    """Whether the truth, as it was read, is that of the sensor."""
+    assert motion.truth is not None
+    read = _rate_instants(samples, motion.clock, described)
+    fit = fit_rates(samples, read, motion.truth)
+    if fit is None:
+        return None
+    wrong = misread(samples, read, motion.truth, fit)
+    if wrong is not None or fit.explained >= FOREIGN or fit.magnitudes >= ALIKE:
+        return wrong
+    if motion.clock.method == "angular_rate":  # two logs that begin and rest alike
+        return finding("clock.no_common_motion", correlation=fit.magnitudes)
+    return finding("truth.foreign", percent=100 * max(fit.explained, 0.0))
+
+
+def _rate_instants(samples: ImuSamples, clock: ClockFit, described: SensorRecord) -> np.ndarray:
+    late = round(rate_delay(samples, described) * NANOSECONDS)
+    return clock.to_host(samples.device_time_ns) - late
+
+
+def _clock_finding(
+    clock: ClockFit, truth: Truth, described: SensorRecord, samples: ImuSamples
+) -> Finding | None:
+    """What is to be said of a clock that was, or was not, fitted."""
+    if clock.method == "none":
+        return _apart(clock, truth, samples)
+    if clock.method == "angular_rate":
+        shift = clock.shift_s
+        if shift is None or abs(shift) < SHIFT_TOLD_S:
+            return None
+        return finding("clock.shifted", shift_s=shift, correlation=clock.correlation)
+    if described.driver != IMPORTED:
+        return finding("clock.unfitted")
+    if described.truth_offset_s is not None:
+        return finding("clock.as_stated", offset_s=described.truth_offset_s)
+    if clock.refused == "periodic":
+        shifts = ", ".join(f"{shift:+.2f}" for shift in clock.candidates_s)
+        return finding("clock.periodic", shifts_s=shifts)
+    if clock.refused == "unit":
+        assert clock.unit_factor is not None
+        return finding("clock.truth_unit", factor=clock.unit_factor)
+    if clock.refused == "no common motion":
+        return finding("clock.no_common_motion", correlation=_known(clock.correlation))
+    return finding("clock.unfitted") if _stands_still(truth) else finding("clock.still")
+
+
+def _apart(clock: ClockFit, truth: Truth, samples: ImuSamples) -> Finding | None:
+    """Whether a truth on the same clock has nothing in common with the samples."""
+    if not len(samples) or not len(truth.host_time_ns):
+        return None
+    begin, end = clock.to_host(samples.device_time_ns[[0, -1]])
+    first, last = truth.host_time_ns[[0, -1]]
+    if begin <= last and first <= end:
+        return None
+    begin_s, end_s, first_s, last_s = (
+        float(time) / NANOSECONDS for time in (begin, end, first, last)
+    )
+    return finding(
+        "clock.apart", begin_s=begin_s, end_s=end_s, truth_begin_s=first_s, truth_end_s=last_s
+    )
+
+
+def _known(value: float) -> float:
+    return value if np.isfinite(value) else 0.0
+
+
+def _stands_still(truth: Truth) -> bool:
+    q = truth.q_world_from_sensor[np.isfinite(truth.q_world_from_sensor).all(axis=1)]
+    if len(q) < 2:
+        return False
+    turned = rotation.angle(rotation.multiply(rotation.conjugate(q[:1]), q))
+    return float(turned.max()) < STILL
+
+
+def name_confused(
+    found: Mapping[str, TrueMotion],
+    samples: Mapping[str, ImuSamples],
+    described: Mapping[str, SensorRecord],
+    align: bool,
+) -> dict[str, Finding]:
+    """Sensors that moved as the truth of another says, by name.
+
+    Args:
+        found: Each sensor and its truth.
+        samples: Of each sensor.
+        described: What is known of each.
+        align: Whether clocks are to be fitted.
+    """
+    result = {}
+    for name, own in found.items():
+        if own.truth is None or own.unaligned.startswith("truth."):
+            continue
+        instants = _rate_instants(samples[name], own.clock, described[name])
+        fit = None
+        if own.unaligned not in ("clock.no_common_motion", "clock.apart"):
+            fit = fit_rates(samples[name], instants, own.truth)
+            if fit is None or fit.explained > WELL:
+                continue
+        others = {}
+        for other, motion in found.items():
+            if other != name and motion.truth is not None:
+                times = None
+                if align:
+                    clock = sensor_clock(samples[name], motion.truth, described[name], align)
+                    if clock.method == "arrival":
+                        continue
+                    times = _rate_instants(samples[name], clock, described[name])
+                others[other] = motion.truth, times
+        wrong = confused(samples[name], instants, fit, others)
+        if wrong is not None:
+            result[name] = wrong
+    return result

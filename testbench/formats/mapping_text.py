@@ -1,0 +1,68 @@
+"""A mapping as YAML that a person goes on with."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from testbench.exceptions import InputError
+
+_PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_/^]*")
+_OTHER_WORDS = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"}
+_TITLE_AXES = {"y", "n"}
+
+
+class _Writer(yaml.SafeDumper):
+    """Quotes whatever could be read as something else than text, and folds nothing."""
+
+
+def _quoted(writer: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    plain = _PLAIN.fullmatch(text) and (
+        text.lower() not in _OTHER_WORDS or text.lower() in _TITLE_AXES
+    )
+    return writer.represent_scalar("tag:yaml.org,2002:str", text, style=None if plain else '"')
+
+
+_Writer.add_representer(str, _quoted)
+
+
+def mapping_yaml(mapping: dict[str, Any], seen: list[str]) -> str:
+    """The text of a mapping.
+
+    Args:
+        mapping: As it is read.
+        seen: What it rests on; stands above it as comments.
+    """
+    lines = ["# A mapping to begin with; look whether it is right. It rests on this:"]
+    lines += [f"# - {' '.join(sentence.split())}" for sentence in seen]
+    body = yaml.dump(
+        mapping,
+        Dumper=_Writer,
+        sort_keys=False,
+        allow_unicode=True,
+        default_flow_style=None,
+        width=1_000_000,
+    )
+    return "\n".join(lines) + "\n" + body
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a file that is not there yet.
+
+    Raises:
+        InputError: It is there, or cannot be made.
+    """
+    try:
+        with path.open("x", encoding="utf-8") as stream:
+            stream.write(text)
+    except FileExistsError:
+        raise InputError(
+            f"{path} exists already and is left as it is; name another file with --out"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be written ({error.strerror}); name another file with --out"
+        ) from None

@@ -1,0 +1,153 @@
+"""Findings on what was aligned: clocks, frames, and truths that do not belong to their sensor."""
+
+from __future__ import annotations
+
+from testbench.records.findings.words.template import NOTE, WARNING, Template
+
+TEMPLATES = {
+    "clock.unfitted": Template(
+        WARNING,
+        "its clock could not be fitted to the motion",
+        "it is late by the unknown latency of its samples",
+    ),
+    "clock.shifted": Template(
+        NOTE,
+        "its log and that of the truth did not begin together",
+        "{shift_s:+.3f} s were added to the times of the truth, where the angular rates of both "
+        "fit (correlation {correlation:.3f})",
+    ),
+    "clock.no_common_motion": Template(
+        WARNING,
+        "no common motion: its angular rates fit those of the truth at no shift of their times "
+        "(best correlation {correlation:.2f})",
+        "the two are of different recordings, or of different bodies; nothing of it is judged",
+        "if both are on one clock, say so with `same_clock: true` beside the truth or "
+        "`align_clock: false` in `estimate`, else state what is to be added to the truth's times "
+        "with --truth-offset",
+    ),
+    "clock.periodic": Template(
+        WARNING,
+        "its motion is too periodic: it fits the truth at several shifts, {shifts_s} s",
+        "which of them holds cannot be told, so nothing of it is judged",
+        "state the right one with --truth-offset, say that both are on one clock with "
+        "`same_clock: true` beside the truth, or record a motion that does not repeat itself",
+    ),
+    "clock.still": Template(
+        WARNING,
+        "it or its truth turns too slowly to tell when each log began",
+        "nothing of it is judged",
+        "if both are on one clock, say so with `same_clock: true` beside the truth or "
+        "`align_clock: false` in `estimate`",
+    ),
+    "clock.as_stated": Template(
+        WARNING,
+        "its clock could not be fitted to the motion",
+        "the times of the truth are taken as stated, {offset_s:+.3f} s added to them",
+    ),
+    "clock.truth_unit": Template(
+        WARNING,
+        "the truth's times fit its motion when multiplied by {factor:g}",
+        "they were read in another unit than theirs; nothing of it is judged",
+        "state their unit: `time: {{column: ..., unit: ...}}` of the truth in the mapping, or "
+        "--truth-time-unit",
+    ),
+    "clock.apart": Template(
+        WARNING,
+        "its samples and its truth never overlap in time (samples from {begin_s:.3f} to "
+        "{end_s:.3f} s, truth from {truth_begin_s:.3f} to {truth_end_s:.3f} s), and no clock is to "
+        "be aligned",
+        "they are not on one clock; nothing of it is judged",
+        "leave out `same_clock: true` or `align_clock: false`, so that the motion aligns them",
+    ),
+    "frames.doubt": Template(WARNING, "{filter}: {doubt}"),
+    "frames.refused": Template(
+        WARNING, "{filter}: it could not be aligned: {why}", "it is not judged"
+    ),
+    "frames.undetermined": Template(
+        WARNING,
+        "the motion is nearly all about one axis, ({axis}) in the sensor",
+        "how far the sensor is turned in its mounting about that axis, against the world about its "
+        "image, is not determined and not judged: it was held {held}; all other angles of both "
+        "were solved. Errors about the axis, and the size of the others, do not depend on it",
+        "to determine it, add rotations of 30 deg or more about an axis across it",
+    ),
+    "frames.still": Template(
+        WARNING,
+        "there is no motion to align it by",
+        "its mounting was held at the one that is believed; a constant error is not judged",
+        "to determine it, add rotations of 30 deg or more about two axes",
+    ),
+    "frames.hardly": Template(
+        WARNING,
+        "{filter}: the mounting is doubtful: the motion is nearly all about one axis, ({axis}) in "
+        "the sensor (it reaches {reached:.3f} beside it, {wanted:g} is wanted)",
+        "",
+        "add rotations of 30 deg or more about an axis across it",
+    ),
+    "frames.not_level": Template(
+        WARNING,
+        "the z axis of the truth's world leans by {tilt_deg:.0f} deg against gravity",
+        "heading and inclination are those about the vertical that the sensor found in it, and a "
+        "constant inclination is not judged",
+        "confirm it with `world: unknown` beside the truth",
+    ),
+    "frames.up_undetermined": Template(
+        WARNING,
+        "the z axis of the truth's world does not point up",
+        "where up is in it cannot be found, so errors are not parted into heading and inclination",
+        "confirm it with `world: unknown` beside the truth",
+    ),
+    "frames.up_unknown": Template(
+        NOTE,
+        "where up is in the truth's world is unknown",
+        "errors are not parted into heading and inclination",
+    ),
+    "truth.order": Template(
+        WARNING,
+        "its angular rates fit the truth as read in {as_read_percent:.0f} % of their variance, and "
+        "in {percent:.0f} % with the scalar of the quaternion at the other end",
+        "the truth's quaternion is written in the other order; nothing of it is judged",
+        "say so in the mapping of the truth: `order: {remedy}`",
+    ),
+    "truth.direction": Template(
+        WARNING,
+        "its angular rates fit the truth as read in {as_read_percent:.0f} % of their variance, and "
+        "in {percent:.0f} % with the quaternion conjugated",
+        "the truth turns the other way round; nothing of it is judged",
+        "say so in the mapping of the truth: `direction: sensor_from_earth`",
+    ),
+    "truth.order_or_direction": Template(
+        WARNING,
+        "its angular rates fit the truth as read in {as_read_percent:.0f} % of their variance, and "
+        "in {percent:.0f} % with the quaternion conjugated or its scalar at the other end",
+        "the truth's quaternion has another order or direction; without a known mounting the "
+        "motion does not tell which; nothing of it is judged",
+        "say so in the mapping of the truth: `order: xyzw` or `direction: sensor_from_earth`",
+    ),
+    "truth.of_another": Template(
+        WARNING,
+        "its angular rates fit the truth of '{other}' ({percent:.0f} % of their variance) and not "
+        "its own ({own_percent:.0f} %)",
+        "two bodies or links were confused; nothing of it is judged",
+        "exchange them: --link, `link` in the protocol, or the columns of the truth in the mapping",
+    ),
+    "truth.foreign": Template(
+        WARNING,
+        "its angular rates fit the truth in {percent:.0f} % of their variance only, however both "
+        "are turned",
+        "its axes or its truth are wrong, or the two do not move together",
+    ),
+    "truth.stepped": Template(
+        WARNING,
+        "the truth steps {steps} times by up to {angle_deg:.0f} deg, first at {at_s:.2f} s, which "
+        "the gyroscope does not see",
+        "the reference took one body for another; {lost_s:.1f} s of it that do not fit the rest "
+        "were left out",
+    ),
+    "truth.frozen": Template(
+        WARNING,
+        "the truth stands still {stretches} times, for {lost_s:.1f} s in all and first at "
+        "{at_s:.2f} s, while the gyroscope turns",
+        "it was lost there; these parts were left out",
+    ),
+}

@@ -1,0 +1,198 @@
+"""`testbench import --guess`: formats, columns, units and times of files, and a mapping of them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from testbench.cli import main
+from testbench.exceptions import InputError
+from testbench.formats import import_recording
+from testbench.formats.options import Options
+from testbench.formats.titles import read_title
+from testbench.pipeline.bring_in import guess_mapping
+from tests.formats.foreign_arrays import mat_with_objects
+
+G = 9.80665
+
+
+@pytest.fixture
+def round_trip(tmp_path, clock):
+    """The samples of files by the mapping that was guessed of them."""
+
+    def read(*files: Path, sensor: str = "imu"):
+        found = guess_mapping(map(str, files), str(tmp_path / "guessed.yaml"))
+        assert found.mapping is not None
+        asked = Options(str(found.mapping))
+        session = import_recording("generic", list(files), tmp_path / "s", clock, asked)
+        return session.imu(sensor), session.manifest.sensors[sensor].rate_hz
+
+    return read
+
+
+def check(read, m, rate=100.0, atol=1e-5) -> None:
+    samples, found = read
+    np.testing.assert_allclose(samples.acc, m.acc, atol=atol)
+    np.testing.assert_allclose(samples.gyr, m.gyr, atol=atol)
+    assert found == pytest.approx(rate, rel=1e-3)
+
+
+TITLES = {
+    "short": ("a{}", "g{}", "xyz"),
+    "long": ("Acceleration {} (m/s^2)", "Gyroscope {} (rad/s)", "xyz"),
+    "ros": ("linear_acceleration.{}", "angular_velocity.{}", "xyz"),
+    "joined": ("Acc{}", "Gyro{}", "XYZ"),
+    "own": ("acc_{}_m_s2", "gyr_{}_rad_s", "xyz"),
+}
+
+
+@pytest.mark.parametrize("titles", TITLES)
+@pytest.mark.parametrize(
+    ("time", "scale"), [("t", 1.0), ("time_ms", 1e3), ("timestamp", 1e6), ("Time [ns]", 1e9)]
+)
+def test_titles_and_units_of_time_are_told(titles, time, scale, table, xyz, motion, round_trip):
+    m = motion(2400)
+    acc, gyr, axes = TITLES[titles]
+    columns = {time: np.round(m.t * scale, 6)} | xyz(acc, m.acc, axes) | xyz(gyr, m.gyr, axes)
+    check(round_trip(table("d.csv", columns, form="%.16g")), m)
+
+
+@pytest.mark.parametrize(("acc", "gyr"), [(G, np.pi / 180), (G / 1000, 1.0)])
+@pytest.mark.parametrize("layout", [{}, {"separator": ";", "decimal": ","}, {"above": "a log\n\n"}])
+def test_units_are_told_by_gravity_and_turns(acc, gyr, layout, table, xyz, motion, round_trip):
+    m = motion(2400)
+    columns = {"t": m.t} | xyz("a{}", m.acc / acc, "xyz") | xyz("w{}", m.gyr / gyr, "xyz")
+    check(round_trip(table("d.csv", columns, form="%.10f", **layout)), m)
+
+
+def test_columns_without_titles_are_told_by_their_numbers(tmp_path, motion, round_trip):
+    m = motion(2400)
+    numbers = np.column_stack([m.t * 1000, m.gyr, m.acc / G])
+    np.savetxt(tmp_path / "d.txt", numbers, fmt="%.8f")
+    check(round_trip(tmp_path / "d.txt"), m)
+
+
+@pytest.mark.parametrize("kind", ["parquet", "mat", "hdf5"])
+def test_files_of_arrays_and_columns(kind, tmp_path, motion, round_trip):
+    m = motion(2400)
+    path = tmp_path / f"d.{kind}"
+    if kind == "parquet":
+        columns = {"stamp_ns": (m.t * 1e9).round().astype(np.int64), "note": ["x"] * 2400}
+        columns |= {f"acc_{x}": m.acc[:, i] for i, x in enumerate("xyz")}
+        columns |= {f"gyr_{x}": m.gyr[:, i] for i, x in enumerate("xyz")}
+        pq.write_table(pa.table(columns), path)
+    elif kind == "mat":
+        content = {"imu": {"acc": m.acc / G, "gyro": m.gyr, "t": m.t * 1e3}, "fs": 100.0}
+        mat_with_objects(path, content)
+    else:
+        with h5py.File(path, "w") as file:
+            file["imu/Accelerometer"], file["imu/Gyroscope"] = m.acc.T, m.gyr.T
+            file["imu/Magnetometer"] = m.mag
+            file.attrs["sampling_rate"] = 100.0
+    check(round_trip(path), m)
+
+
+def test_a_slow_array_has_times_of_its_own(tmp_path, motion, round_trip):
+    m = motion(2400)
+    with h5py.File(tmp_path / "d.h5", "w") as file:
+        file["acc"], file["gyr"], file["t"] = m.acc, m.gyr, m.t
+        file["slow/mag"], file["slow/t"] = m.mag[::10], m.t[::10]
+    samples, _ = round_trip(tmp_path / "d.h5")
+    assert np.isfinite(samples.mag[:, 0]).sum() == 240
+
+
+@pytest.mark.parametrize("earth", ["ENU", "NED"])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_quaternion_is_told_by_gravity(earth, direction, table, xyz, motion, round_trip):
+    from testbench.model.earths import to_earth_frame
+
+    m = motion(2400)
+    q = to_earth_frame(m.q, earth) * [1, direction, direction, direction]
+    columns = {"t": m.t} | xyz("a{}", m.acc, "xyz") | xyz("g{}", m.gyr, "xyz")
+    samples, _ = round_trip(table("d.csv", columns | xyz("q{}", q, "wxyz")))
+    assert np.abs(np.sum(samples.device_q * m.q, axis=1)).min() > 1 - 1e-8
+
+
+def test_files_of_one_quantity_each_become_one_sensor(table, xyz, motion, round_trip):
+    m = motion(2400)
+    files = []
+    for name, values in (("Accelerometer", m.acc), ("Gyroscope", np.degrees(m.gyr))):
+        ns = 1_700_000_000_000_000_000 + (m.t * 1e9).round().astype(np.int64)
+        files.append(table(f"{name}.csv", {"time": ns} | xyz("{}", values, "zyx"[::-1])))
+    check(round_trip(*files), m)
+
+
+def test_two_sensors_in_one_file_are_two(table, xyz, motion, round_trip):
+    m = motion(2400)
+    columns = {"t": m.t}
+    for owner, sign in (("left", 1), ("right", -1)):
+        columns |= xyz(f"{owner}_acc_{{}}", sign * m.acc, "xyz")
+        columns |= xyz(f"{owner}_gyr_{{}}", m.gyr, "xyz")
+    samples, _ = round_trip(table("d.csv", columns), sensor="right")
+    np.testing.assert_allclose(samples.acc, -m.acc, atol=1e-5)
+
+
+def test_a_vendors_format_is_named_and_nothing_is_overwritten(
+    table, xyz, motion, tmp_path, monkeypatch, capsys
+):
+    m = motion(300)
+    columns = {"Time (s)": m.t} | xyz("Gyroscope {} (deg/s)", np.degrees(m.gyr))
+    path = table("sensors.csv", columns | xyz("Accelerometer {} (g)", m.acc / G))
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words) -> tuple[int, str]:
+        monkeypatch.setattr(sys, "argv", ["testbench", "import", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return int(ended.value.code or 0), said.out + said.err
+
+    code, said = run("--guess", path)
+    assert code == 0 and "format ngimu: " in said and "in deg/s (by its titles)" in said
+    assert (tmp_path / "sensors_mapping.yaml").is_file()
+    before = (tmp_path / "sensors_mapping.yaml").read_bytes()
+    code, said = run("--guess", path)
+    assert code == 2 and "exists already and is left as it is" in said
+    assert (tmp_path / "sensors_mapping.yaml").read_bytes() == before
+    assert run("ngimu", path)[0] == 2 and run("ngimu", "--out", "s")[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("when,price\n1,2\n3,4\n5,6\n", "is recognised among its columns: when, price"),
+        ("Dear colleague,\nfind the data attached\n", "no table of numbers is found"),
+        ("", "the file is empty"),
+    ],
+)
+def test_what_fits_nothing_is_told(content, said, tmp_path):
+    (tmp_path / "d.csv").write_text(content)
+    with pytest.raises(InputError, match=said + ".*no format reads d.csv"):
+        guess_mapping([str(tmp_path / "d.csv")], str(tmp_path / "m.yaml"))
+    assert not (tmp_path / "m.yaml").exists()
+    with pytest.raises(InputError, match="does not exist"):
+        guess_mapping([str(tmp_path / "nothing.csv")], str(tmp_path / "m.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("title", "kind", "part", "unit"),
+    [
+        ("IMU2 Acc X (g)", "acc", "x", "g"),
+        ("rotationRateX(rad/s)", "gyr", "x", "rad/s"),
+        ("Quat_q0", "quaternion", "0", ""),
+        ("device_q_w", "quaternion", "w", ""),
+        ("host_time_ns", "time", "", "ns"),
+        ("Accel_LN_Z_CAL", "acc", "z", ""),
+        ("PacketCounter", "counter", "", ""),
+        ("price", None, "", ""),
+    ],
+)
+def test_what_a_title_says(title, kind, part, unit):
+    found = read_title(title)
+    assert (found.kind, found.part, found.unit) == (kind, part, unit)
