@@ -79,7 +79,7 @@ class Recording:
         steps: Of the arm, where its poses are known.
         recorded: When it was made, None where nobody says.
         answered: Quantities whose units a person stated, which settles every doubt of them: "acc",
-            "gyr", "mag", "time".
+            "gyr", "mag", "time"; None where nobody could be asked, so that nothing is refused.
         origin_ns: What the clock of the files said at host time zero, where a truth on the same
             clock may come from another file [ns].
     """
@@ -92,7 +92,7 @@ class Recording:
     findings: list[Finding] = field(default_factory=list)
     steps: list[PlannedStep] = field(default_factory=list)
     recorded: Recorded | None = None
-    answered: frozenset[str] = frozenset()
+    answered: frozenset[str] | None = None
     origin_ns: int | None = None
 
     @property
@@ -154,7 +154,8 @@ def write_recording(
                 out / table_file(imu_stream(name)), consistency.watch(sensor.chunks)
             )
             own = consistency.findings()
-            refuse_contradictions(name, own, recording.answered)
+            if recording.answered is not None:
+                refuse_contradictions(name, own, recording.answered)
             findings += [one.at(name) for one in own]
             begin, end = min(begin, first), max(end, last)
             findings += [found.at(name) for found in (*sensor.findings, *sensor.told())]

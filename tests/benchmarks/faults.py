@@ -25,15 +25,6 @@ from tests.benchmarks.timing import Text, show
 COUNT = 200
 LEAST_NAMED, MOST_UNCHECKED = 98.0, 10.0
 NAMED, UNCHECKED, OTHER, MISSED = "named", "unchecked", "named wrongly", "missed"
-OF_ITS_OWN = {"imucal": "scale_or_rate"}
-"""Findings on real recordings that are right: the gyroscope of this one was read at another range
-setting than it had, so that its turns of 360 deg come out as 180.
-"""
-NO_RATE = {"imucal"}
-"""Recordings whose scale is wrong from the beginning, so that faults of their axes, too, are told
-beside it.
-"""
-
 Change = Callable[[ImuSamples], ImuSamples]
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 from tests.benchmarks.coverage import bench_coverage
 from tests.benchmarks.crashes import bench_crashes
+from tests.benchmarks.faults import bench_faults
 from tests.benchmarks.intervals import bench_intervals
 from tests.benchmarks.mutated_imports import bench_mutated_imports
 from tests.benchmarks.mutations import bench_mutations
@@ -17,6 +18,7 @@ CAMPAIGNS: list[Callable[[], bool]] = [
     bench_intervals,
     bench_coverage,
     bench_crashes,
+    bench_faults,
     bench_mutations,
     bench_mutated_imports,
 ]

@@ -19,11 +19,6 @@ from testbench.formats.options import Options
 from testbench.records.session.samples import ImuSamples
 
 GRAVITY = 9.80665
-MAPPINGS = {
-    "gaitmap": ["imu_sample.csv"],
-    "imucal": ["example_ferraris_session.csv"],
-    "xio_walk": ["short_walk.csv"],
-}
 
 
 @dataclass(frozen=True)
@@ -194,4 +189,5 @@ def _column(titles: np.ndarray, sensor: str, axis: str) -> int:
 
 def _imucal(file: Path) -> Known:
     data = np.loadtxt(file, delimiter=",", skiprows=1)
-    return Known("imucal", of_arrays(204.8, np.radians(data[:, 1:4]), data[:, 4:7]), 204.8)
+    # it reads half of what it turned; see the mapping imucal_ferraris
+    return Known("imucal", of_arrays(204.8, np.radians(2 * data[:, 1:4]), data[:, 4:7]), 204.8)

@@ -98,11 +98,11 @@ def test_an_imported_trial_is_a_session_like_any_other(data, tmp_path, clock):
 
 def made_up(n: int = 1000) -> dict[str, object]:
     """A trial that was never recorded: at rest, level, its readings noisy as a sensor's are."""
-    noise = np.random.default_rng(0).standard_normal((2, n, 3))
+    noise = np.random.default_rng(0).standard_normal((3, n, 3))
     return {
         "imu_gyr": 1e-5 * noise[0],
         "imu_acc": np.array([0, 0, 9.81]) + 1e-4 * noise[1],
-        "imu_mag": np.tile([0, 24.0, -39], (n, 1)),
+        "imu_mag": np.array([0, 24.0, -39]) + 1e-3 * noise[2],
         "opt_quat": np.tile([1.0, 0, 0, 0], (n, 1)),
         "movement": np.ones((n, 1)),
         "sampling_rate": 100.0,

@@ -132,7 +132,7 @@ def test_an_angle_without_the_method_is_refused(tmp_path, clock):
 @pytest.mark.data
 @pytest.mark.parametrize(
     ("factor", "said"),
-    [(1.0, ""), (2.0, "if it turned 0.5 times as far"), (0.5, "if it turned 2 times as far")],
+    [(1.0, ""), (2.0, "gravity turns 0.5 times as far"), (0.5, "gravity turns 2 times as far")],
 )
 def test_the_real_ferraris_session_is_asked_about_where_its_gyroscope_is_scaled(
     factor, said, data, tmp_path, clock
@@ -148,7 +148,7 @@ def test_the_real_ferraris_session_is_asked_about_where_its_gyroscope_is_scaled(
     if said:
         with pytest.raises(
             InputError,
-            match=rf"{said} as it says: it looks like the scale of another range setting",
+            match=rf"{said} as its gyroscope says .* its scale is that of another range setting",
         ):
             import_recording(
                 "generic", [file], tmp_path / "asked", clock, Options("imucal_ferraris")
