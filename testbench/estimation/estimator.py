@@ -513,6 +513,7 @@ def _mounting(
     )
 
 
+# One piece: which alignment it is decides what must be known, and what is said.
 def _align(sensor: PreparedSensor, key: str, q: np.ndarray) -> tuple[FrameFit, list[Finding]]:
     """The alignment of one filter, and what is to be said of it.
 
@@ -547,6 +548,8 @@ def _align(sensor: PreparedSensor, key: str, q: np.ndarray) -> tuple[FrameFit, l
         fit, doubt = fit_frames_by_vectors(q, q_true, sensor.mounting)
         return fit, [] if doubt is None else [finding("frames.doubt", filter=key, doubt=doubt)]
     step = reference_step(run.steps)
+    if step is None and method == "heading":
+        return _by_mean_heading(sensor, key, q)
     if step is None:
         return _refused(key, "there is no dwell to align it in")
     begin, end = aligning_part(step)
@@ -559,6 +562,21 @@ def _align(sensor: PreparedSensor, key: str, q: np.ndarray) -> tuple[FrameFit, l
     if not mine.any() or not known.any():
         return _refused(key, "neither it nor the truth is known in the reference pose")
     return fit_frames(q[mine], truth.q_world_from_sensor[known], method), []
+
+
+def _by_mean_heading(
+    sensor: PreparedSensor, key: str, q: np.ndarray
+) -> tuple[FrameFit, list[Finding]]:
+    """The heading of a recording without a dwell: the mean over all of it; see `_align`."""
+    assert sensor.motion.truth is not None
+    q_true = truth_at(sensor.motion.truth, sensor.estimate.host_time_ns)
+    known = ~sensor.estimate.flagged & np.isfinite(q_true[:, 0]) & np.isfinite(q[:, 0])
+    if not known.any():
+        return _refused(key, "the truth is not known where it is")
+    error = rotation.multiply(q_true[known], rotation.conjugate(q[known]))
+    heading = float(np.degrees(rotation.heading_angle(rotation.mean(error))))
+    doubt = "there is no dwell to align it in: its heading is the mean of the recording's"
+    return FrameFit(heading, method="heading"), [finding("frames.doubt", filter=key, doubt=doubt)]
 
 
 def _refused(key: str, why: str) -> tuple[FrameFit, list[Finding]]:
