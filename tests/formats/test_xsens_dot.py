@@ -131,7 +131,7 @@ def test_euler_angles_are_roll_pitch_yaw_about_the_earth(dot, motion):
         {"Euler": yaw_pitch_roll[:, ::-1], "FreeAcc": np.zeros((300, 3)), "Gyr": np.degrees(m.gyr)}
     ).imu("left")
     assert np.abs(np.sum(samples.device_q * m.q, axis=1)).min() > 1 - 1e-9
-    np.testing.assert_allclose(samples.acc, m.acc, atol=1e-7)
+    np.testing.assert_allclose(samples.acc, m.acc, atol=1e-5)  # but for its noise
 
 
 def test_increments_over_an_interval_become_rates(dot, motion):
