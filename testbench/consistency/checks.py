@@ -161,8 +161,11 @@ def _check_gyroscope(looked: Looked) -> None:
     if reading.scale != 1.0 and reading.turns:
         _tell_scale(looked, reading)
     scatter = reading.scatter
-    if not reading.fits_as_is and reading.turns:
+    if not reading.fits_as_is and reading.turns and not reading.one_axis:
         _tell_axes(looked, reading)
+    if reading.one_axis:
+        looked.unchecked += [f"gyroscope against accelerometer: {one}" for one in KINDS]
+        return
     open_maps = {i for i in range(1, len(MAPS)) if not scatter.better(IDENTITY, i)}
     if reading.fits_as_is and open_maps:
         looked.unchecked += [

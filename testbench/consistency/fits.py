@@ -29,6 +29,18 @@ LEAST_SUM = 2.5
 LEAST_T = 1.0
 """... and not by one of them alone: mean over its standard error."""
 LEAST_WINDOWS = 4
+LEAST_EXPLAINED = 0.6
+"""Part of the scatter beyond `FLOOR` that a turn must explain to be believed: where accelerations
+last as long as the windows do, as of a pendulum, some reading always fits a little better.
+"""
+LEAST_SCALE_RATIO = 0.4
+"""Another scale fits better if it leaves by so much less (mean logarithm of the squares)."""
+ONE_AXIS = 0.01
+"""Turning about one axis: across it is less than this part of the rates' variance."""
+BIAS_WITHIN, REST_WITHIN = np.radians(30.0), np.radians(3.0)
+"""A fitted bias may be so large, or differ by so much from what is read at rest, for slow turning
+passes for rest [rad/s].
+"""
 
 
 @dataclass(frozen=True)
@@ -156,6 +168,13 @@ class Pair:
         rates = np.linalg.norm(self.gyr[self.windows.steps] - bias, axis=2)
         return np.asarray(rates.sum(axis=1) * self.windows.seconds)
 
+    @property
+    def about_one_axis(self) -> bool:
+        """Whether all turning is about one axis of the sensor."""
+        rates = self.gyr[self.windows.steps].reshape(-1, 3)
+        spread = np.linalg.eigvalsh(np.cov((rates - np.median(rates, axis=0)).T))
+        return bool(spread[1] < ONE_AXIS * spread[2])
+
     def scatter(
         self, scale: float = 1.0, bias: np.ndarray | None = None, maps: np.ndarray = MAPS
     ) -> Scatter:
@@ -224,6 +243,8 @@ class Reading:
         bias: Shape (3,) [rad/s].
         turns: Whether any reading fits clearly better than that nothing turns.
         turning: Angle that the gyroscope goes through in each window, shape (w,) [rad].
+        one_axis: Whether all turning is about one axis. Accelerations of a pendulum go with it, and
+            a reading that puts that axis along gravity fits them as well as the right one.
     """
 
     scatter: Scatter
@@ -231,6 +252,7 @@ class Reading:
     bias: np.ndarray
     turns: bool
     turning: np.ndarray
+    one_axis: bool
 
     @property
     def fits_as_is(self) -> bool:
@@ -256,32 +278,54 @@ def read_gyroscope(pair: Pair, rest_bias: np.ndarray | None) -> Reading:
     """
     nothing = pair.scatter(0.0, maps=MAPS[:1]).logs[0]
     bias = np.zeros(3) if rest_bias is None else rest_bias
-    found = _with_bias(pair, 1.0, bias, rest_bias is None)
+    within = BIAS_WITHIN if rest_bias is None else REST_WITHIN
+    found = _with_bias(pair, 1.0, bias, within)
     sure = found.best == IDENTITY and is_clear(nothing, found.logs[IDENTITY], found.independent)
     tried = [(1.0, found)]
-    if not sure or not _is_right_scale(pair, bias, rest_bias is None):
+    if not sure or not _is_right_scale(pair, bias):
         some = pair.some(FEW_WINDOWS)
         likely = [scale for scale in SCALES if _least(some.scatter(scale, bias)) < _least(found)]
-        tried += [(scale, _with_bias(pair, scale, bias, rest_bias is None)) for scale in likely]
-    scale, scatter = min(tried, key=lambda one: _least(one[1]))
-    if scale != 1.0 and not is_clear(
-        found.logs[found.best], scatter.logs[scatter.best], found.independent
-    ):
-        scale, scatter = tried[0]
-    turns = is_clear(nothing, scatter.logs[scatter.best], scatter.independent)
+        tried += [(scale, _with_bias(pair, scale, bias, within)) for scale in likely]
+    scale, scatter = min(
+        (one for one in tried if one[0] == 1.0 or _is_another_scale(found, one[1])),
+        key=lambda one: _least(one[1]),
+    )
+    best = scatter.logs[scatter.best]
+    turns = is_clear(nothing, best, scatter.independent) and _explained(nothing, best)
     turning = pair.turning(bias) * (scale if turns else 1.0)
-    return Reading(scatter, scale, bias, turns, turning)
+    return Reading(scatter, scale, bias, turns, turning, pair.about_one_axis)
 
 
 def _least(scatter: Scatter) -> float:
     return float(scatter.logs.mean(axis=1).min())
 
 
-def _is_right_scale(pair: Pair, bias: np.ndarray, unknown: bool) -> bool:
+def _is_another_scale(found: Scatter, other: Scatter) -> bool:
+    """Whether another scale fits clearly better, with the axes as they are: whatever the scale, an
+    axis that is put along gravity turns nothing.
+    """
+    if other.better(other.best, IDENTITY):
+        return False
+    own, best = found.logs[found.best], other.logs[other.best]
+    gain = float((own - best).mean())
+    return gain >= LEAST_SCALE_RATIO and is_clear(own, best, found.independent)
+
+
+def _explained(nothing: np.ndarray, best: np.ndarray) -> bool:
+    """Whether turning explains enough of what would scatter if nothing turned.
+
+    Args:
+        nothing: Logarithms of the scatter, shape (w,).
+        best: Likewise of the best reading.
+    """
+    beyond = np.exp([float(nothing.mean()), float(best.mean())]) - FLOOR**2
+    return bool(beyond[1] <= (1 - LEAST_EXPLAINED) * beyond[0])
+
+
+def _is_right_scale(pair: Pair, bias: np.ndarray) -> bool:
     """Whether the axes as they are fit at no other scale clearly better."""
     some = pair.some(FEW_WINDOWS)
-    if unknown:
-        bias = some.fitted_bias(1.0, MAPS[IDENTITY], bias)
+    bias = some.fitted_bias(1.0, MAPS[IDENTITY], bias)
     own = some.scatter(1.0, bias, MAPS[:1]).logs[0]
     return not any(
         is_clear(own, some.scatter(scale, bias, MAPS[:1]).logs[0], some.windows.independent)
@@ -289,15 +333,15 @@ def _is_right_scale(pair: Pair, bias: np.ndarray, unknown: bool) -> bool:
     )
 
 
-def _with_bias(pair: Pair, scale: float, bias: np.ndarray, unknown: bool) -> Scatter:
-    """By all maps, each with the bias that suits it where the gyroscope never rests."""
+def _with_bias(pair: Pair, scale: float, bias: np.ndarray, within: float) -> Scatter:
+    """By all maps, the likely ones each with the bias that suits it."""
     scatter = pair.scatter(scale, bias)
-    if not unknown or not 0.1 < scale < 10:
+    if not 0.1 < scale < 10:
         return scatter
     logs, length = scatter.logs.copy(), scatter.length.copy()
     for one in dict.fromkeys([IDENTITY, *scatter.rivals[:3]]):
         own = pair.fitted_bias(scale, MAPS[one], bias)
-        if np.linalg.norm(own - bias) < np.radians(30):
+        if np.linalg.norm(own - bias) < within:
             fitted = pair.scatter(scale, own, MAPS[one : one + 1])
             if fitted.logs[0].mean() < logs[one].mean():
                 logs[one], length[one] = fitted.logs[0], fitted.length[0]
