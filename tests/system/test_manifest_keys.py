@@ -128,7 +128,7 @@ def imports(folder: Path) -> Iterator[Session]:
     (folder / "map.yaml").write_text(
         "description: counts\nrate_hz: 100\nsensors: {imu: {acc: {columns: [x, y, z], unit: g, "
         "offset: 32768, scale: 1.0e-3}, "
-        "gyr: {columns: [u, v, w], unit: deg/s}}}\n"
+        "gyr: {columns: [u, v, w], unit: deg/s, full_scale: 2000}}}\n"
     )
     counts = table(
         folder / "counts.csv",
@@ -139,6 +139,20 @@ def imports(folder: Path) -> Iterator[Session]:
         folder / "poses.txt", "ur3e", {"": "wrist_3_link"}, dwell=2.0, move=1.0, offset=0.0
     )
     yield load("generic", [counts], Options(str(folder / "map.yaml")), truth)
+    (folder / "reference.yaml").write_text(
+        "description: with a reference\nrate_hz: 100\nsensors: {imu: {acc: {columns: [x, y, z], "
+        "unit: m/s^2}, truth: {columns: [q, i, j, k], order: wxyz, world: unknown}}}\n"
+    )
+    level = dict(zip("qijk", np.tile([[1.0], [0.0], [0.0], [0.0]], 400), strict=True))
+    referred = table(folder / "referred.csv", xyz("{}", UP, "xyz") | level)
+    again = import_recording(
+        "generic",
+        [referred],
+        folder / "session_reference",
+        clock,
+        Options(str(folder / "reference.yaml")),
+    )
+    yield again
 
 
 @contextmanager

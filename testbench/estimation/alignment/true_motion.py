@@ -221,7 +221,7 @@ def _apart(clock: ClockFit, truth: Truth, samples: ImuSamples) -> Finding | None
         float(time) / NANOSECONDS for time in (begin, end, first, last)
     )
     return finding(
-        "clock.apart", begin_s=begin_s, end_s=end_s, truth_begin_s=first_s, truth_end_s=last_s
+        "clock.no_overlap", begin_s=begin_s, end_s=end_s, truth_begin_s=first_s, truth_end_s=last_s
     )
 
 
@@ -257,7 +257,7 @@ def name_confused(
             continue
         instants = _rate_instants(samples[name], own.clock, described[name])
         fit = None
-        if own.unaligned not in ("clock.no_common_motion", "clock.apart"):
+        if own.unaligned not in ("clock.no_common_motion", "clock.no_overlap"):
             fit = fit_rates(samples[name], instants, own.truth)
             if fit is None or fit.explained > WELL:
                 continue

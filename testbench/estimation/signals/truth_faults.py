@@ -83,9 +83,7 @@ class _Turning:
 
     @staticmethod
     def of(gyr: np.ndarray, time_ns: np.ndarray) -> _Turning:
-        known = np.isfinite(gyr).all(axis=1)
-        rest = rest_reading(gyr[known]) if known.any() else np.zeros(3)
-        rate = np.where(known[:, None], gyr - rest, 0.0)
+        rate = gyr - rest_reading(gyr)
         seconds = np.diff(time_ns, prepend=time_ns[:1]) / NANOSECONDS
         lost = seconds > LOST_S
         seconds = np.where(lost, 0.0, seconds)
@@ -118,11 +116,15 @@ def find_faults(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> Truth
     """
     none = np.zeros(len(time_ns), dtype=bool)
     known = np.flatnonzero(np.isfinite(truth.q_world_from_sensor).all(axis=1))
-    known = known[(truth.host_time_ns[known] >= time_ns[0])]
-    known = known[(truth.host_time_ns[known] <= time_ns[-1])]
-    if len(known) < 10 or not np.isfinite(samples.gyr).any() or (np.diff(time_ns) <= 0).any():
+    read = np.isfinite(samples.gyr).all(axis=1)  # a rate that was not read is as one not sampled
+    if read.sum() < 2 or (np.diff(time_ns) <= 0).any():
         return TruthFaults(truth, none, none)
-    turning = _Turning.of(samples.gyr, time_ns)
+    sampled_ns = time_ns[read]
+    known = known[(truth.host_time_ns[known] >= sampled_ns[0])]
+    known = known[(truth.host_time_ns[known] <= sampled_ns[-1])]
+    if len(known) < 10:
+        return TruthFaults(truth, none, none)
+    turning = _Turning.of(samples.gyr[read], sampled_ns)
     rows, q = truth.host_time_ns[known], truth.q_world_from_sensor[known]
     frozen = _frozen(rows, q, turning)
     lost = np.zeros(len(known), dtype=bool)

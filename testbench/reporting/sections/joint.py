@@ -77,7 +77,7 @@ def joint_section(
         section.blocks += finding_sentences(
             found
             for found in evaluation.findings
-            if found.where == where or found.where.startswith(f"{where}, ")
+            if str(found).startswith((f"{where}:", f"{where}, "))  # planners speak of it, too
         )
         section.blocks += _summaries(joint, rows, evaluation)
         for name, own in by_section(rows).items():

@@ -51,7 +51,7 @@ TEMPLATES = {
         "state their unit: `time: {{column: ..., unit: ...}}` of the truth in the mapping, or "
         "--truth-time-unit",
     ),
-    "clock.apart": Template(
+    "clock.no_overlap": Template(
         WARNING,
         "its samples and its truth never overlap in time (samples from {begin_s:.3f} to "
         "{end_s:.3f} s, truth from {truth_begin_s:.3f} to {truth_end_s:.3f} s), and no clock is to "
