@@ -29,7 +29,7 @@ LEAST_SUM = 2.5
 LEAST_T = 1.0
 """... and not by one of them alone: mean over its standard error."""
 LEAST_WINDOWS = 4
-LEAST_EXPLAINED = 0.6
+LEAST_EXPLAINED = 0.3
 """Part of the scatter beyond `FLOOR` that a turn must explain to be believed: where accelerations
 last as long as the windows do, as of a pendulum, some reading always fits a little better.
 """
@@ -282,7 +282,7 @@ def read_gyroscope(pair: Pair, rest_bias: np.ndarray | None) -> Reading:
     found = _with_bias(pair, 1.0, bias, within)
     sure = found.best == IDENTITY and is_clear(nothing, found.logs[IDENTITY], found.independent)
     tried = [(1.0, found)]
-    if not sure or not _is_right_scale(pair, bias):
+    if not sure or not _is_right_scale(pair, bias, rest_bias is None):
         some = pair.some(FEW_WINDOWS)
         likely = [scale for scale in SCALES if _least(some.scatter(scale, bias)) < _least(found)]
         tried += [(scale, _with_bias(pair, scale, bias, within)) for scale in likely]
@@ -322,10 +322,11 @@ def _explained(nothing: np.ndarray, best: np.ndarray) -> bool:
     return bool(beyond[1] <= (1 - LEAST_EXPLAINED) * beyond[0])
 
 
-def _is_right_scale(pair: Pair, bias: np.ndarray) -> bool:
+def _is_right_scale(pair: Pair, bias: np.ndarray, unknown: bool) -> bool:
     """Whether the axes as they are fit at no other scale clearly better."""
     some = pair.some(FEW_WINDOWS)
-    bias = some.fitted_bias(1.0, MAPS[IDENTITY], bias)
+    if unknown:
+        bias = some.fitted_bias(1.0, MAPS[IDENTITY], bias)
     own = some.scatter(1.0, bias, MAPS[:1]).logs[0]
     return not any(
         is_clear(own, some.scatter(scale, bias, MAPS[:1]).logs[0], some.windows.independent)

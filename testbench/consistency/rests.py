@@ -20,6 +20,10 @@ RATE_SPREAD = 0.05
 LEAST_RATE_SPREAD = 0.03
 """... or than this [rad/s]."""
 FEWEST = 2
+AGREE = 0.01
+"""Rests tell the bias if what they read differs by less (median deviation) [rad/s]; steady slow
+turning passes for a rest.
+"""
 
 
 @dataclass(frozen=True)
@@ -44,9 +48,15 @@ class Rests:
 
     @property
     def bias(self) -> np.ndarray | None:
-        """What the gyroscope reads, shape (3,); None if it is hardly ever at rest."""
-        known = np.isfinite(self.gyr).all(axis=1)
-        return np.median(self.gyr[known], axis=0) if known.sum() >= FEWEST else None
+        """What the gyroscope reads, shape (3,); None if it is hardly ever at rest, or its rests do
+        not agree.
+        """
+        gyr = self.gyr[np.isfinite(self.gyr).all(axis=1)]
+        if len(gyr) < FEWEST:
+            return None
+        usual = np.median(gyr, axis=0)
+        agree = bool((np.median(np.abs(gyr - usual), axis=0) <= AGREE).all())
+        return np.asarray(usual) if agree else None
 
 
 def find_rests(excerpt: Excerpt, seconds: float) -> Rests:

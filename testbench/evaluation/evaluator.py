@@ -176,12 +176,7 @@ def _sensor_tables(
         for reason, count in sensor.quality.items()
         if count and reason.removeprefix("excluded: ") not in told
     ]
-    known = {(one.code, one.where) for one in session.manifest.findings}
-    found += [
-        own
-        for own in (one.at(name) for one in sensor.findings)
-        if not (own.code.startswith("consistency.") and (own.code, own.where) in known)
-    ]
+    found += [own.at(name) for own in sensor.findings]
     samples = session.imu(name, every=sensor.every) if sensor.stored_calibration is None else None
     truth, jumps = sound_truth(session, name)
     if truth is None:

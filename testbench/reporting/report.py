@@ -122,7 +122,7 @@ def _sections(
     session: Session, estimate: Estimate | None, evaluation: Evaluation | None
 ) -> list[Section]:
     spans = section_spans(session)
-    sections = [verdict_section(evaluation), run_section(session)]
+    sections = [verdict_section(evaluation), run_section(session, evaluation)]
     chain = chain_section(estimate, evaluation, spans) if estimate is not None else None
     of_chain = [chain] if chain is not None else []
     if evaluation is not None:

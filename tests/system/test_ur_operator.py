@@ -176,7 +176,8 @@ def test_a_driving_process_that_is_gone_ends_the_run_with_how_to_go_on(
     told = json.loads(said.splitlines()[-1])["error"]
     assert told["notes"][-1] == (
         f"go on: testbench run --resume {session.path} --arm ur --host {ur3e.address} "
-        f"--confirm-motion --simulate-imus --logs {logs}"
+        f"--confirm-motion --simulate-imus --logs {logs} "
+        "--filters device --no-report"
     )
     assert session.status is RunStatus.ERROR
     assert json.loads((session.path / "manifest.json").read_text())["message"] in said

@@ -22,6 +22,8 @@ LEVEL_WITHIN = np.radians(10.0)
 """A world that leans by more against the sensor's vertical is not level: filters are not that wrong
 on the whole of a motion [rad].
 """
+SURE_WITHIN = np.radians(5.0)
+"""A filter that leaves more after alignment is too wrong to say that the world leans [rad]."""
 HARDLY_DEG = 1.0
 """Standard uncertainty of a mounting above which little motion is remarked on [deg]."""
 
@@ -83,6 +85,7 @@ def fit_frames_by_motion(
             undetermined=solution.blind.tolist(),
             held_by="mounting",
         )
+    sure = solution.residual <= SURE_WITHIN
     return FrameFit(
         float(np.degrees(heading)),
         _degrees(rotation.to_rotation_vector(solution.q_body_from_sensor)),
@@ -94,8 +97,8 @@ def fit_frames_by_motion(
         covariance_deg2=(solution.covariance * np.degrees(1.0) ** 2).tolist(),
         undetermined=solution.blind.tolist(),
         held_by=solution.held_by,
-        up_known=up_known and (level or solution.trusted),
-        leans=up_known and not level,
+        up_known=up_known and (level or solution.trusted or not sure),
+        leans=up_known and not level and sure,
     )
 
 

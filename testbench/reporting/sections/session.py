@@ -162,7 +162,7 @@ def duration(seconds: Any) -> str:
     return (f"{hours} h " if hours else "") + f"{minutes} min {rest} s"
 
 
-def run_section(session: Session) -> Section:
+def run_section(session: Session, evaluation: Evaluation | None = None) -> Section:
     """Sensors with their mounting, and the sections of the protocol."""
     blocks: list[Block] = [_sensors(session)]
     blocks.append(
@@ -176,7 +176,10 @@ def run_section(session: Session) -> Section:
             _environment(environment) if environment.dipoles else _undisturbed(environment)
         )
     blocks += _interruptions(session)
-    blocks += finding_sentences(session.manifest.findings)
+    repeated = set() if evaluation is None else {str(found) for found in evaluation.findings}
+    blocks += finding_sentences(
+        found for found in session.manifest.findings if str(found) not in repeated
+    )
     return Section("run", "What was run" if session.has_protocol else "What was recorded", blocks)
 
 
