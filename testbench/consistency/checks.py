@@ -296,7 +296,11 @@ def _check_field(looked: Looked, has_gyr: bool) -> None:
     mag = looked.excerpt.mag
     assert mag is not None
     assert looked.rests is not None
-    norm = float(np.nanmedian(np.linalg.norm(mag, axis=1)))
+    norms = np.linalg.norm(mag, axis=1)
+    norms = norms[np.isfinite(norms)]
+    if not len(norms):
+        return
+    norm = float(np.median(norms))
     if not FIELD_BETWEEN_UT[0] <= norm <= FIELD_BETWEEN_UT[1]:
         fitting = [
             unit

@@ -58,6 +58,10 @@ class Read:
         return self.shift == 0 and not self.inverse
 
 
+LARGEST = 10.0
+"""A part of a quaternion beyond this is no part of one."""
+
+
 def read_orientation(excerpt: Excerpt, seconds: float) -> list[Read]:
     """How each reading of the orientation fits, as it is first; none where nothing can be said.
 
@@ -73,6 +77,7 @@ def read_orientation(excerpt: Excerpt, seconds: float) -> list[Read]:
     blocks = np.unique(np.linspace(0, len(excerpt.acc) // size - 1, count).astype(int))
     rows = blocks[:, None] * size + np.arange(size)
     q, acc, gyr = excerpt.device_q[rows], excerpt.acc[rows], excerpt.gyr[rows]
+    q = np.where(np.abs(q) < LARGEST, q, np.nan)
     norm = np.linalg.norm(q, axis=2)
     known = (np.isfinite(acc).all(axis=2) & (norm > 0.5)).all(axis=1)
     if known.sum() < 3:
