@@ -107,7 +107,7 @@ def check_excerpt(excerpt: Excerpt) -> list[Finding]:
     if excerpt.device_q is not None and has_acc and np.isfinite(excerpt.device_q).any():
         _check_orientation(looked)
     if looked.unchecked:
-        looked.tell("unchecked", what=looked.unchecked)
+        looked.tell("unchecked", what=looked.unchecked, in_short=_in_short(looked.unchecked))
     return looked.findings
 
 
@@ -175,6 +175,18 @@ def _check_gyroscope(looked: Looked) -> None:
         ]
     if not reading.turns:
         looked.unchecked.append("gyroscope against accelerometer: scale")
+
+
+def _in_short(unchecked: list[str]) -> str:
+    """What is unchecked, each subject once: with its parts, unless these are all there are."""
+    parts: dict[str, list[str]] = {}
+    for text in dict.fromkeys(unchecked):
+        subject, _, part = text.partition(": ")
+        parts.setdefault(subject, []).append(part)
+    return "; ".join(
+        subject if not any(own) or set(own) >= set(KINDS) else f"{subject} ({', '.join(own)})"
+        for subject, own in parts.items()
+    )
 
 
 def _find(matrix: np.ndarray) -> int:

@@ -156,7 +156,7 @@ TEMPLATES = {
     ),
     "consistency.unchecked": Template(
         NOTE,
-        "its motion does not show whether these are right: {what}",
+        "its motion does not show whether these are right: {in_short}",
         "",
         "turn it about two axes, and tilt it, with rests between",
     ),
