@@ -69,9 +69,7 @@ class Thinner:
     def __init__(self) -> None:
         self._each = 0
         self._parts: list[dict[str, np.ndarray]] = []
-        self._held: ImuSamples | None = None
         self._kept = self._zeros = self._count = 0
-        self._first = self._last = 0
 
     def add(self, chunk: ImuSamples) -> None:
         """Take the next samples."""

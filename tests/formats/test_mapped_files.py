@@ -12,6 +12,7 @@ from testbench.formats import import_recording
 from testbench.formats.options import Options
 from testbench.records.session.session import Session
 from tests.formats.foreign_arrays import mat73_with_objects, mat_with_objects
+from tests.formats.test_generic import PLAIN
 from tests.told import codes
 
 ARRAYS = """\
@@ -30,14 +31,6 @@ sensors:
     acc: {file: Acc*.csv, columns: [x, y, z], unit: m/s^2}
     gyr: {file: Gyr*.csv, columns: [x, y, z], unit: rad/s}
     mag: {file: Mag*.csv, columns: [x, y, z], unit: uT, optional: true}
-"""
-PLAIN = """\
-description: a table
-time: {column: t, unit: s}
-sensors:
-  imu:
-    acc: {columns: [ax, ay, az], unit: m/s^2}
-    gyr: {columns: [wx, wy, wz], unit: rad/s}
 """
 
 
