@@ -77,9 +77,9 @@ def measure(folder: Path, rows: int) -> tuple[int, float, float]:
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_recording_and_it_is_much_faster_than_real_time(tmp_path):
-    short, long = measure(tmp_path, 1_000_000), measure(tmp_path, 4_000_000)
-    assert (short[0], long[0]) == (1_000_000, 4_000_000)
-    assert long[2] - short[2] < 60  # 20 bytes a sample, where rate and force alone have 48
+    short, long = measure(tmp_path, 500_000), measure(tmp_path, 2_000_000)
+    assert (short[0], long[0]) == (500_000, 2_000_000)
+    assert long[2] - short[2] < 30  # 20 bytes a sample, where rate and force alone have 48
     assert long[1] > 20  # a hundred on an idle machine: see the benchmarks
 
 
