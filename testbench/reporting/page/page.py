@@ -42,9 +42,15 @@ class Heading:
 
 @dataclass(frozen=True)
 class Sentence:
-    """A plain sentence, such as why there is no figure here."""
+    """A plain sentence, such as why there is no figure here.
+
+    Attributes:
+        text: Of it.
+        weight: "note" or "warning" of what must not be overlooked; empty of the others.
+    """
 
     text: str
+    weight: str = ""
 
 
 @dataclass(frozen=True)

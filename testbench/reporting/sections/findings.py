@@ -10,7 +10,7 @@ from testbench.reporting.page.page import Sentence
 
 def finding_sentences(findings: Iterable[Finding]) -> list[Sentence]:
     """One sentence a finding: how much it weighs, where, what is seen and means, what to do."""
-    return [Sentence(_sentence(finding)) for finding in findings]
+    return [Sentence(_sentence(finding), finding.severity) for finding in findings]
 
 
 def _sentence(finding: Finding) -> str:

@@ -25,9 +25,10 @@ def recording_section(estimate: Estimate, evaluation: Evaluation | None) -> Sect
     """How well the sensors were recorded, and what they read at rest."""
     section = Section("recording", "Recording")
     section.blocks += [_timing(estimate), _quality(estimate)]
-    section.blocks += finding_sentences(
-        found.at(name) for name, sensor in estimate.sensors.items() for found in sensor.findings
-    )
+    if evaluation is None:  # else they stand with the verdict
+        section.blocks += finding_sentences(
+            found.at(name) for name, sensor in estimate.sensors.items() for found in sensor.findings
+        )
     if evaluation is not None and evaluation.noise:
         section.blocks.append(_noise(evaluation.noise))
     else:
