@@ -21,7 +21,7 @@ from testbench.formats.mapped.conversion import Conversion, conversion_of
 from testbench.formats.mapped.together import Together, put_together
 from testbench.formats.mapped.truth import mapped_truth, truth_in_rows
 from testbench.formats.mapping import AccColumns, GyrColumns, full_scale_parts
-from testbench.formats.plausibility import decide_unit, gather
+from testbench.formats.plausibility import gather, told_unit
 from testbench.formats.recording import ImportedSensor
 from testbench.formats.tables.samples_stream import SampleStream, measured_rate
 from testbench.formats.tables.source import Kind, first_rows
@@ -129,12 +129,9 @@ def _decided_units(build: Build, quantities: list[str], evidence: Evidence) -> d
     for quantity in quantities:
         key = f"{'.'.join(map(str, build.place.path))}.{quantity}.unit"
         answer = f"the key {key} of the mapping, or --unit {quantity}=UNIT"
-        unit = decide_unit(quantity, evidence, build.name, answer)
+        unit, said = told_unit(quantity, evidence, build.name, answer)
         factors[quantity] = unit.factor
-        told = "gravity at rest" if quantity == "acc" else "its turns"
-        build.notice(
-            "structure.unit_told", quantity=quantity, unit=unit.name, evidence=told, answer=answer
-        )
+        build.findings.append(said)
     return factors
 
 

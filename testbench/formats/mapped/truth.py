@@ -20,7 +20,6 @@ from testbench.formats.tables.samples_stream import Quantities, SampleStream
 from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.truth.reference import collect, reference_truth
 from testbench.model.kinematics import Pose
-from testbench.records.findings.catalogue import noted
 from testbench.records.session.samples import Truth
 
 
@@ -99,7 +98,4 @@ def mapped_truth(
         if spec.mounting.rotation_deg
         else axes.q_file_from_sensor
     )
-    notes: list[str] = []
-    truth = reference_truth(time, q, mounting, counted, notes)
-    build.findings += [noted(note, build.name) for note in notes]
-    return truth
+    return reference_truth(build.name, time, q, mounting, counted, build.findings)

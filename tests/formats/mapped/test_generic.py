@@ -69,7 +69,8 @@ def test_axes_by_option_do_the_same_for_any_format(plain, motion, tmp_path, cloc
     np.testing.assert_allclose(
         session.imu("imu").acc, m.acc @ np.array([[0, 0, -1], [0, -1, 0], [-1, 0, 0]]).T, atol=1e-6
     )
-    assert "axes of every sensor: x: -z, y: -y, z: -x" in session.manifest.notes
+    (said,) = [own for own in session.manifest.findings if own.code == "structure.axes"]
+    assert said.values == {"axes": "x: -z, y: -y, z: -x"}
 
 
 def test_parquet(motion, load, tmp_path):
