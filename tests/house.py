@@ -23,6 +23,7 @@ MOST_LINES = 50
 MOST_COMPLEX = 10
 SECTIONS = ("Args", "Attributes", "Raises")
 HEADINGS = (*SECTIONS, "Returns", "Yields", "Note", "Notes", "Example", "Examples", "References")
+WORDS = ROOT / "testbench" / "records" / "findings"
 ARRAYS = {"ndarray", "NDArray", "ArrayLike", "Array", "Columns"}
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
@@ -74,6 +75,7 @@ def findings() -> list[Finding]:
         found += long_functions(file, tree, complex_ones)
         found += shapeless(file, tree, bases)
         found += run_on_entries(file, tree)
+        found += free_sentences(file, tree)
     return found
 
 
@@ -336,6 +338,18 @@ def docstring_entries(node: Function | ast.ClassDef) -> Iterator[Entry]:
             else:
                 last = found.pop() if found else Entry(section, "", "")
                 found.append(Entry(section, last.name, f"{last.text} {line.strip()}"))
+
+
+def free_sentences(file: Path, tree: ast.Module) -> Iterator[Finding]:
+    """Findings in words of their own, where every one has the words of its code."""
+    if WORDS in file.parents:
+        return
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and last_name(node.func) in {"Finding", "noted"}:
+            yield Finding("findings", file, node.lineno, "a finding without a template")
+        named = isinstance(node, ast.Name) and node.id == "NOTED"
+        if named or (isinstance(node, ast.Constant) and node.value == "general.noted"):
+            yield Finding("findings", file, node.lineno, "a sentence without a code")
 
 
 def counts(found: list[Finding]) -> dict[str, Counter[str]]:

@@ -158,3 +158,20 @@ def test_ruff_tells_complex_functions(tmp_path) -> None:
     assert house.complex_functions(tmp_path) == {(file, 4)}
     file.write_text("def f(x):\n" + "    if x:\n        x += 1\n" * 9)
     assert house.complex_functions(tmp_path) == set()
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("finding('clock.unfitted', 'hand')", []),
+        ("noted('it is odd')", ["a finding without a template"]),
+        ("catalogue.noted('it is odd')", ["a finding without a template"]),
+        ("Finding('a.b', NOTE, '', 'it is odd')", ["a finding without a template"]),
+        ("finding(NOTED, text='it is odd')", ["a sentence without a code"]),
+        ("finding('general.noted', text='it is odd')", ["a sentence without a code"]),
+    ],
+)
+def test_a_finding_in_words_of_its_own_is_found(source, found) -> None:
+    tree = ast.parse(source)
+    assert texts(house.free_sentences(FILE, tree)) == found
+    assert not list(house.free_sentences(house.WORDS / "earlier.py", tree))

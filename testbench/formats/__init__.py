@@ -126,11 +126,6 @@ TRUTHS = {
     "table": "orientations (time_s, q_w, q_x, q_y, q_z), or joint angles of a robot (--robot)",
 }
 """What --truth reads, for people."""
-UNDATED = (
-    "the date of the recording is unknown: of several stored calibrations none can be chosen as "
-    "the nearest in time, and one made from it bears the date of the import; state it with "
-    "--recorded-at 2021-08-20"
-)
 
 
 def import_recording(
@@ -163,6 +158,7 @@ def import_recording(
     from testbench.formats.recording import write_recording
     from testbench.formats.remap import remap_axes
     from testbench.formats.signatures import with_other_format
+    from testbench.records.findings.catalogue import finding
 
     if name not in FORMATS:
         raise NotFoundError("format", name, list(FORMATS))
@@ -179,7 +175,7 @@ def import_recording(
         stated or recording.recorded or earliest(recorded_in_name(file) for file in files)
     )
     if recording.recorded is None:
-        recording.notes.append(UNDATED)
+        recording.findings.append(finding("date.unknown"))
     for key, sensor in recording.sensors.items():
         head = sensor.head()
         if head is None or not len(head):

@@ -14,6 +14,8 @@ from testbench.consistency.evidence import Evidence, evidence_of
 from testbench.exceptions import InputError
 from testbench.formats.units import Unit, find_unit, unit_names
 from testbench.frames import STANDARD_GRAVITY
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples
 
 UNSTATED_WITHIN = 0.2
@@ -43,6 +45,25 @@ def unit_that_fits(quantity: str, evidence: Evidence) -> Unit | None:
         return None
     fitting = [u for u in units if abs(norm * u.factor / STANDARD_GRAVITY - 1) < UNSTATED_WITHIN]
     return fitting[0] if len(fitting) == 1 else None
+
+
+def told_unit(quantity: str, evidence: Evidence, sensor: str, answer: str) -> tuple[Unit, Finding]:
+    """The unit of numbers whose file states none, and the finding that says so.
+
+    Args:
+        quantity: "acc" or "gyr".
+        evidence: Of the numbers as they are.
+        sensor: Its name.
+        answer: How a person states the unit.
+
+    Raises:
+        InputError: It cannot be told; asks the person, and says how to answer.
+    """
+    unit = decide_unit(quantity, evidence, sensor, answer)
+    if quantity == "gyr":
+        return unit, finding("unit.gyr_by_turns", sensor, unit=unit.name, answer=answer)
+    norm = float(evidence.rest_norm or 0.0)
+    return unit, finding("unit.acc_by_gravity", sensor, unit=unit.name, norm=norm, answer=answer)
 
 
 def decide_unit(quantity: str, evidence: Evidence, sensor: str, answer: str) -> Unit:

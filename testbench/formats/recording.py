@@ -16,7 +16,6 @@ from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.formats.dates import Recorded
 from testbench.frames import NANOSECONDS
 from testbench.records.disk.tables import to_arrow, write_parquet_batches
-from testbench.records.findings.catalogue import noted
 from testbench.records.findings.finding import Finding, told_once
 from testbench.records.session.layout import imu_stream, table_file, truth_stream
 from testbench.records.session.plan import PlannedStep
@@ -74,8 +73,7 @@ class Recording:
         purpose: A sentence for people.
         sensors: By name.
         analysis: Filters and alignment that suit it.
-        notes: What the importer noticed, such as a stale first row it dropped.
-        findings: What is to be said of the samples.
+        findings: What was noticed when it was read, such as a stale first row that was dropped.
         steps: Of the arm, where its poses are known.
         recorded: When it was made, None where nobody says.
         answered: Quantities whose units a person stated, which settles every doubt of them: "acc",
@@ -88,17 +86,11 @@ class Recording:
     purpose: str
     sensors: dict[str, ImportedSensor]
     analysis: Analysis
-    notes: list[str] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     steps: list[PlannedStep] = field(default_factory=list)
     recorded: Recorded | None = None
     answered: frozenset[str] | None = None
     origin_ns: int | None = None
-
-    @property
-    def told(self) -> list[Finding]:
-        """All that was noticed."""
-        return told_once([*self.findings, *(noted(note) for note in self.notes)])
 
 
 # Long by its arguments, and by what is undone where an import is cut off.
@@ -145,7 +137,7 @@ def write_recording(
             "protocol": {"name": recording.name, "purpose": recording.purpose},
         },
     )
-    findings = recording.told
+    findings = list(recording.findings)
     begin, end, counts = np.inf, -np.inf, {}
     try:
         for name, sensor in recording.sensors.items():

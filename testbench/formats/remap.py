@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 from testbench.formats.axes import AxisMap
 from testbench.formats.recording import Recording
+from testbench.records.findings.catalogue import finding
 from testbench.records.session.samples import ImuSamples
 
 
@@ -37,7 +38,7 @@ def remap_axes(recording: Recording, axes: AxisMap, name: str) -> None:
     Args:
         recording: Is changed.
         axes: The map; a rotation.
-        name: Of the map, for the notes.
+        name: Of the map, for people.
     """
     for sensor in recording.sensors.values():
         sensor.chunks = Remapped(sensor.chunks, axes)
@@ -49,4 +50,4 @@ def remap_axes(recording: Recording, axes: AxisMap, name: str) -> None:
                 rate=None if truth.rate is None else axes.vectors(truth.rate),
                 force=None if truth.force is None else axes.vectors(truth.force),
             )
-    recording.notes.append(f"axes of every sensor: {name}")
+    recording.findings.append(finding("structure.axes", axes=name))

@@ -5,10 +5,13 @@ That is filters that its sensors feed, and alignment that its truth allows.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from testbench.formats.dates import Recorded
+from testbench.formats.recording import ImportedSensor, Recording
+from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples
 from testbench.records.specs.protocol import Analysis, Estimation
 
@@ -39,4 +42,34 @@ def suitable_analysis(
             align_clock=own_clock,
             calibrate="none",
         )
+    )
+
+
+def suited_recording(
+    name: str,
+    purpose: str,
+    sensors: Mapping[str, ImportedSensor],
+    findings: Iterable[Finding],
+    recorded: Recorded | None = None,
+    origin_ns: int | None = None,
+) -> Recording:
+    """A recording without truth, analysed as its sensors allow.
+
+    Args:
+        name: Of the recording.
+        purpose: A sentence for people.
+        sensors: By name.
+        findings: What was noticed when it was read.
+        recorded: When it was made, None where nobody says.
+        origin_ns: What the clock of the files said at host time zero, where that is known [ns].
+    """
+    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
+    return Recording(
+        name,
+        purpose,
+        dict(sensors),
+        suitable_analysis(heads),
+        list(findings),
+        recorded=recorded,
+        origin_ns=origin_ns,
     )

@@ -9,18 +9,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.consistency.evidence import Evidence
+from testbench.formats.assumed import assumed_units
 from testbench.formats.options import Options
-from testbench.formats.plausibility import decide_unit, gather
+from testbench.formats.plausibility import gather, told_unit
 from testbench.formats.recording import ImportedSensor
 from testbench.formats.stamps import Asking, Stamps, rate_differs, read_stamps
 from testbench.formats.tables.recognise import Found
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
 from testbench.formats.tables.source import Columns, Kind, Source
 from testbench.formats.tables.timeline import RegularTime
-from testbench.formats.units import QUANTITIES, TimeUnit, known_unit
+from testbench.formats.units import QUANTITIES, TimeUnit, Unit, known_unit
 from testbench.model import rotation
 from testbench.model.earths import Q_ENU_FROM
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,12 @@ class Layout:
 
 # One piece: units, conversion and times of a table depend on one another.
 def table_sensor(
-    source: Source, found: Found, layout: Layout, name: str, options: Options, notes: list[str]
+    source: Source,
+    found: Found,
+    layout: Layout,
+    name: str,
+    options: Options,
+    findings: list[Finding],
 ) -> ImportedSensor:
     """A sensor of a table.
 
@@ -58,7 +65,7 @@ def table_sensor(
         layout: What the format knows.
         name: Of the sensor.
         options: Answers.
-        notes: Appended to.
+        findings: What was noticed; is added to.
 
     Raises:
         InputError: A unit or the rate cannot be told; asks for it.
@@ -101,17 +108,8 @@ def table_sensor(
         raise source.problem(
             f"the samples of sensor '{name}' have no usable times; state the rate with --rate HZ"
         )
-    _decide(stream, stated, units, factors, name, notes)
-    if "mag" in units and units["mag"] is None:
-        notes.append(
-            f"{name}: the unit of the magnetic field is not stated; uT is taken, only its "
-            "direction is sure"
-        )
-    if "quaternion" in found.columns and layout.conjugate:
-        notes.append(
-            f"{name}: the file's quaternion turns earth ({layout.earth}) into sensor; kept is "
-            "sensor into earth (ENU)"
-        )
+    findings += _decide(stream, stated, units, factors, name)
+    findings += _assumed(found, layout, units, name, options)
     return ImportedSensor(
         stream,
         round(rate, 3),
@@ -123,10 +121,13 @@ def table_sensor(
 
 
 def _stated(quantity: str, found: Found, layout: Layout) -> str | None:
+    return _by_file(quantity, found) or layout.units.get(quantity)
+
+
+def _by_file(quantity: str, found: Found) -> str | None:
+    """The unit that the title of a quantity states."""
     unit = found.units.get(quantity)
-    if unit and known_unit(quantity, unit):
-        return unit
-    return layout.units.get(quantity)
+    return unit if unit and known_unit(quantity, unit) else None
 
 
 def _stamps(source: Source, layout: Layout, name: str, options: Options) -> Stamps:
@@ -175,25 +176,38 @@ def file_of(source: Source) -> str:
 def _decide(
     stream: SampleStream,
     stated: dict[str, str | None],
-    units: dict,
+    units: dict[str, Unit | None],
     factors: dict[str, float],
     name: str,
-    notes: list[str],
-) -> None:
+) -> list[Finding]:
     """Fill in the factors of units that nobody stated; the stream sees them at its next pass."""
     open_ones = [
         quantity for quantity in ("acc", "gyr") if quantity in stated and units[quantity] is None
     ]
     if not open_ones:
-        return
-    evidence = gather(stream)
+        return []
+    evidence, findings = gather(stream), []
     for quantity in open_ones:
-        unit = decide_unit(quantity, evidence, name, f"--unit {quantity}=UNIT")
+        unit, said = told_unit(quantity, evidence, name, f"--unit {quantity}=UNIT")
         factors[quantity] = unit.factor
-        notes.append(f"{name}: {quantity} is taken for {unit.name}: {_reason(quantity, evidence)}")
+        findings.append(said)
+    return findings
 
 
-def _reason(quantity: str, evidence: Evidence) -> str:
-    if quantity == "acc":
-        return f"|acc| at rest is {evidence.rest_norm:.4g}"
-    return "gravity turns as far as it says then"
+def _assumed(
+    found: Found, layout: Layout, units: dict[str, Unit | None], name: str, options: Options
+) -> list[Finding]:
+    """What is taken for granted where the file does not say it."""
+    findings = []
+    if "mag" in units and units["mag"] is None:
+        findings.append(finding("unit.field_unstated", name))
+    taken = {
+        quantity: unit.name
+        for quantity, unit in units.items()
+        if unit is not None
+        and (unit.name == "au" or (quantity in layout.units and not _by_file(quantity, found)))
+    }
+    findings += assumed_units(name, taken, options)
+    if "quaternion" in found.columns and layout.conjugate:
+        findings.append(finding("orientation.inverse", name, earth=layout.earth))
+    return findings

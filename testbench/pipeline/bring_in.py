@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from testbench.clock import Clock, SystemClock
 from testbench.exceptions import FileProblems, InputError
 from testbench.formats import import_recording
-from testbench.formats.mapping_text import mapping_yaml, write_new
+from testbench.formats.guessing.written import mapping_yaml, write_new
 from testbench.formats.options import Options
 from testbench.formats.truth.attach import TruthOptions
 from testbench.pipeline.request import ImportRequest, TruthRequest
@@ -59,7 +59,7 @@ def guess_mapping(files: Iterable[str], out: str | None = None) -> Guessed:
         InputError: Nothing fits, says what was seen; or the file for the mapping is there already.
         FileProblems: A file is not there.
     """
-    from testbench.formats.guess import default_name, guess
+    from testbench.formats.guessing.guess import default_name, guess
 
     paths = [Path(file) for file in files]
     found = guess(paths)

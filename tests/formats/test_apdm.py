@@ -92,7 +92,8 @@ def test_an_older_layout_is_read_by_its_case_ids(tmp_path, motion, load):
 def test_without_times_the_rate_of_the_file_holds(tmp_path, motion, load):
     session = load(older(tmp_path / "b.h5", motion(640, 128.0), times=False))
     assert session.manifest.duration_s == pytest.approx(639 / 128)
-    assert any("the rate is that of the file, 128 Hz" in note for note in session.manifest.notes)
+    (said,) = [own for own in session.manifest.findings if own.code == "time.by_rows"]
+    assert said.values == {"rate_hz": 128, "who": "the file"}
 
 
 def test_an_orientation_that_gravity_denies_is_left_out(tmp_path, motion, load):

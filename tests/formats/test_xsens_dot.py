@@ -211,7 +211,8 @@ def test_a_stale_first_row_is_dropped_and_said(dot, motion, fault):
         and samples.host_time_ns[0] == 0
     )
     np.testing.assert_allclose(samples.acc[0], m.acc[dropped], atol=1e-9)
-    assert any(f"dropped {dropped} row" in note for note in session.manifest.notes)
+    (said,) = [own for own in session.manifest.findings if own.code == "structure.stale_rows"]
+    assert said.values == {"count": dropped} and said.where == "left"
 
 
 def test_a_sound_first_row_is_kept_even_if_the_sensor_moves(dot, motion):

@@ -12,7 +12,8 @@ import pytest
 
 from testbench.exceptions import SessionError
 from testbench.records.disk.json_file import json_text, plain_values
-from testbench.records.findings.catalogue import noted
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.earlier import NOTED
 from testbench.records.results.estimate import CalibrationFit, ClockFit, Estimate, SensorEstimate
 from testbench.records.results.evaluation import (
     TABLES,
@@ -38,7 +39,7 @@ def rows() -> Evaluation:
         orientation=[OrientationRow("a", "vqf_6d", 9, 1.0, NAN, 0.5, 2.0)],
         noise=[noise],
         outcome=Outcome.MARGINAL,
-        findings=[noted("Ünïcode.")],
+        findings=[finding(NOTED, text="Ünïcode.")],
         series={"orientation_a": {"host_time_ns": np.arange(3), "x_rad": np.array([0, NAN, 1])}},
     )
 
@@ -61,8 +62,8 @@ def test_every_table_is_written_read_and_joined() -> None:
     assert {own.name for own in fields(ResultTables)} == {*TABLES, "series"}
     assert {*TABLES, "notes"} < set(rows().to_dict())
     one, two = (
-        ResultTables(findings=[noted("a")]),
-        ResultTables(findings=[noted("b")], series={"x": {}}),
+        ResultTables(findings=[finding(NOTED, text="a")]),
+        ResultTables(findings=[finding(NOTED, text="b")], series={"x": {}}),
     )
     joined = ResultTables.joined([one, two])
     assert (joined.notes, joined.series) == (["a", "b"], {"x": {}})

@@ -18,7 +18,8 @@ import pytest
 from PIL import Image
 
 from testbench.cli.output import say_evaluation
-from testbench.records.findings.catalogue import noted
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.earlier import NOTED
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Metric, Outcome
 from testbench.records.results.evaluation_rows import FieldFollowingRow, OutlierRow
@@ -238,7 +239,7 @@ def test_hostile_text_is_shown_and_not_run(quick: Judged, tmp_path: Path) -> Non
     metrics = [replace(metric, meaning=hostile) for metric in quick.evaluation.metrics]
     rows = [replace(row, section=hostile) for row in quick.evaluation.joint_angle]
     evaluation = replace(
-        quick.evaluation, metrics=metrics, joint_angle=rows, findings=[noted(hostile)]
+        quick.evaluation, metrics=metrics, joint_angle=rows, findings=[finding(NOTED, text=hostile)]
     )
     text = report(Session(folder), quick.estimate, evaluation).read_text(encoding="utf-8")
     assert hostile not in text

@@ -32,6 +32,7 @@ from testbench.formats.truth.times import later_than_samples_ns, truth_stamps
 from testbench.formats.units import find_unit
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
+from testbench.records.findings.catalogue import finding
 from testbench.records.specs.protocol import Analysis
 from testbench.records.specs.robot import load_robot
 from testbench.records.specs.strict import Placement
@@ -100,15 +101,13 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
             )
     if not options.file.is_file() and not is_bag(options.file):
         raise InputError(f"--truth {options.file}: the file does not exist")
-    notes: list[str] = []
     if options.offset is not None:
         for sensor in recording.sensors.values():
             sensor.details |= {"truth_offset_s": options.offset}
     if options.robot is None:
-        _from_orientations(recording, options, notes)
+        _from_orientations(recording, options)
     else:
-        _from_robot(recording, options, notes)
-    recording.notes += [f"truth: {note}" for note in notes]
+        _from_robot(recording, options)
     changes = {"align": "motion", "align_clock": options.dwell is None}
     if options.calibration_poses:
         changes["calibrate"] = "static_poses"
@@ -119,7 +118,7 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
 
 
 # One piece: most lines check the answers against what the robot's log holds.
-def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -> None:
+def _from_robot(recording: Recording, options: TruthOptions) -> None:
     assert options.robot is not None
     if options.clusters:
         raise InputError("--truth-cluster belongs to markers or bodies; leave it out, or --robot")
@@ -138,7 +137,12 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
         joint_log(open_bag([options.file]), joints, recording.origin_ns)
         if is_bag(options.file)
         else read_robot_log(
-            options.file, joints, options.rate, options.joint_unit, notes, options.time_unit
+            options.file,
+            joints,
+            options.rate,
+            options.joint_unit,
+            recording.findings,
+            options.time_unit,
         )
     )
     if options.time_unit is not None and (log.time_ns is None or options.rate is not None):
@@ -176,7 +180,13 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
             assert options.dwell is not None
             dwells.append(
                 commanded_dwells(
-                    len(log.q), sensor, options.dwell, options.move, shift, name, notes
+                    len(log.q),
+                    sensor,
+                    options.dwell,
+                    options.move,
+                    shift,
+                    name,
+                    recording.findings,
                 )
             )
             sensor.truth = commanded_truth(kinematics, log.q, link, mounting, dwells[-1])
@@ -188,17 +198,24 @@ def _from_robot(recording: Recording, options: TruthOptions, notes: list[str]) -
         recording.steps = commanded_steps(
             dwells, log.q, kinematics.robot.joint_names, options.calibration_poses
         )
-    notes.append(f"{options.file.name}: {len(log.q)} joint poses of {kinematics.robot.name}")
+    recording.findings.append(
+        finding(
+            "truth.joint_poses",
+            file=options.file.name,
+            poses=len(log.q),
+            robot=kinematics.robot.name,
+        )
+    )
 
 
-def _from_orientations(recording: Recording, options: TruthOptions, notes: list[str]) -> None:
+def _from_orientations(recording: Recording, options: TruthOptions) -> None:
     """The same orientations for every sensor, each with its own mounting."""
     if options.dwell is not None or options.links or options.calibration_poses:
         raise InputError(
             "--dwell, --calibration-poses and --link belong to a robot's log; state the arm with "
             "--robot"
         )
-    if _from_bodies(recording, options, notes):
+    if _from_bodies(recording, options):
         return
     if options.clusters:
         raise InputError(
@@ -232,29 +249,30 @@ def _from_orientations(recording: Recording, options: TruthOptions, notes: list[
         mounting = Pose.from_placement(
             options.mountings.get(name, options.mountings.get("", Placement()))
         ).quaternion
-        own: list[str] = []
         sensor.truth = reference_truth(
-            time + later + round((options.offset or 0.0) * NANOSECONDS), q, mounting, None, own
+            options.file.name,
+            time + later + round((options.offset or 0.0) * NANOSECONDS),
+            q,
+            mounting,
+            None,
+            recording.findings,
         )
-        notes += [note for note in own if note not in notes]
-    notes.append(
-        f"{options.file.name}: {len(q)} orientations, w first, taken for q_world_from_body"
-    )
+    recording.findings.append(finding("truth.orientations", file=options.file.name, count=len(q)))
 
 
-def _from_bodies(recording: Recording, options: TruthOptions, notes: list[str]) -> bool:
+def _from_bodies(recording: Recording, options: TruthOptions) -> bool:
     """Each sensor its own markers, body or frame; False if the file holds none of these."""
     shift = round((options.offset or 0.0) * NANOSECONDS)
     own, mountings = options.clusters, options.mountings
     if is_bag(options.file):
         times = (recording.origin_ns, shift)
         bag = open_bag([options.file])
-        give_bag_truth(recording.sensors, bag, own, mountings, times, notes)
+        give_bag_truth(recording, bag, own, mountings, times)
         return True
     tracked = read_tracked(options.file, options.rate)
     if tracked is None:
         return False
-    give_truth(recording, tracked, own, mountings, shift, notes)
+    give_truth(recording, tracked, own, mountings, shift)
     return True
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
-from testbench.formats.recording import ImportedSensor, Recording
+from testbench.formats.recording import Recording
 from testbench.formats.tables.text_table import head_of
 from testbench.formats.truth.c3d import read_c3d
 from testbench.formats.truth.clusters import LEAST_MARKERS, ClusterFit, fit_cluster
@@ -57,7 +57,6 @@ def give_truth(
     clusters: Mapping[str, list[str]],
     mountings: Mapping[str, Placement],
     shift_ns: int,
-    notes: list[str],
 ) -> None:
     """Give sensors the orientation of their clusters or bodies as truth.
 
@@ -67,7 +66,6 @@ def give_truth(
         clusters: Markers of each sensor, or the one body that carries it.
         mountings: Sensor in the body ("" for all).
         shift_ns: Added to the export's times [ns].
-        notes: Appended to.
 
     Raises:
         InputError: A sensor or its markers are not named, or are no cluster.
@@ -80,9 +78,13 @@ def give_truth(
             "which markers carry the sensors? Answer with --truth-cluster SENSOR=M1,M2,M3 (three "
             f"or more), or SENSOR=BODY; the file has {_listing(tracked)}"
         )
-    notes.append(
-        f"{tracked.system}: {len(tracked.time_ns)} frames, the first at host time "
-        f"{shift_ns * 1e-9:g} s; its world and the mounting are aligned by the motion"
+    recording.findings.append(
+        finding(
+            "truth.tracked",
+            system=tracked.system,
+            frames=len(tracked.time_ns),
+            first_s=shift_ns * 1e-9,
+        )
     )
     for name, marks in chosen.items():
         sensor = sensors[name]
@@ -98,31 +100,29 @@ def give_truth(
                 "truth_residual_mm": residual_mm,
             }
         mounting = mountings.get(name, mountings.get("", Placement()))
-        set_truth(name, sensor, tracked.time_ns + shift_ns, q, mounting, notes)
+        set_truth(recording, name, tracked.time_ns + shift_ns, q, mounting)
 
 
 def set_truth(
+    recording: Recording,
     name: str,
-    sensor: ImportedSensor,
     time_ns: np.ndarray,
     q_world_from_body: np.ndarray,
     mounting: Placement,
-    notes: list[str],
 ) -> None:
     """Give one sensor the orientation of a body as truth.
 
     Args:
+        recording: Whose sensor; is changed.
         name: Of the sensor.
-        sensor: Is changed.
         time_ns: Host time, shape (n,), int64.
         q_world_from_body: Shape (n, 4), NaN where lost.
         mounting: Sensor in the body.
-        notes: Appended to.
     """
-    own: list[str] = []
     q_body_from_sensor = Pose.from_placement(mounting).quaternion
-    sensor.truth = reference_truth(time_ns, q_world_from_body, q_body_from_sensor, None, own)
-    notes += [f"{name}: {note}" for note in own]
+    recording.sensors[name].truth = reference_truth(
+        name, time_ns, q_world_from_body, q_body_from_sensor, None, recording.findings
+    )
 
 
 def _by_name(sensors: list[str], tracked: Tracked) -> dict[str, list[str]]:

@@ -34,6 +34,7 @@ from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.model.windows import savitzky_golay
+from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import Truth
@@ -75,7 +76,7 @@ def read_robot_log(
     joints: list[str],
     rate: float | None,
     unit: str | None,
-    notes: list[str],
+    findings: list[Finding],
     time_unit: str | None = None,
 ) -> RobotLog:
     """Read a joint log.
@@ -89,23 +90,23 @@ def read_robot_log(
         joints: Names, in order.
         rate: Of a log without times [Hz], or None.
         unit: "deg" or "rad", None to go by the titles.
-        notes: Appended to.
+        findings: What was noticed; is added to.
         time_unit: Of its times, None to go by their title and size.
 
     Raises:
         FileProblems: The file is no such log.
         InputError: A unit cannot be told.
     """
-    lists = _lists(file, len(joints), notes)
+    lists = _lists(file, len(joints), findings)
     if lists is not None:
-        q = lists * _factor(lists, None, unit, file, notes)
+        q = lists * _factor(lists, None, unit, file, findings)
         return RobotLog(
             None
             if rate is None
             else np.round(np.arange(len(q)) * (NANOSECONDS / rate)).astype(np.int64),
             q,
         )
-    table = _table(file, joints, notes)
+    table = _table(file, joints, findings)
     columns, stated = _joint_columns(table, joints)
     kinds: dict[str, Kind] = dict.fromkeys(columns, "float")
     stamps = truth_stamps(table, rate, time_unit)
@@ -130,7 +131,7 @@ def read_robot_log(
             "has no titles, and its first column only grows as time does; put titles above: "
             "time_s,J1,J2,..."
         )
-    q = q * _factor(q, stated, unit, file, notes)
+    q = q * _factor(q, stated, unit, file, findings)
     if stamps is None:
         return RobotLog(np.concatenate(times) if rate is not None else None, q)
     unix_ns = stream.first_time_ns() if stamps.unix else None
@@ -138,7 +139,7 @@ def read_robot_log(
     return RobotLog(np.concatenate(times), q, unix_ns, found)
 
 
-def _lists(file: Path, joints: int, notes: list[str]) -> np.ndarray | None:
+def _lists(file: Path, joints: int, findings: list[Finding]) -> np.ndarray | None:
     """Joint angles of lines such as `[0, -90, -90, 0, 90, 0]`, as a script prints them.
 
     None where the file has no such lines.
@@ -163,11 +164,11 @@ def _lists(file: Path, joints: int, notes: list[str]) -> np.ndarray | None:
                     ],
                 )
             rows += [values[:joints]] if values else []
-    notes.append(f"{file.name}: the first {joints} numbers of each line are the joints")
+    findings.append(finding("truth.joint_lists", file=file.name, joints=joints))
     return np.array(rows)
 
 
-def _table(file: Path, joints: list[str], notes: list[str]) -> TextTable:
+def _table(file: Path, joints: list[str], findings: list[Finding]) -> TextTable:
     lines, others = head_of(file), ""
     for at, line in enumerate(lines):
         if not line.strip() or line.strip(' "').lower().startswith("sep="):
@@ -197,9 +198,8 @@ def _table(file: Path, joints: list[str], notes: list[str]) -> TextTable:
             )
         extra = len(fields) - len(joints)
         if extra:
-            notes.append(
-                f"{file.name} has no titles: the first {len(joints)} numbers are the joints, "
-                f"{extra} more are left out"
+            findings.append(
+                finding("truth.no_titles", file=file.name, joints=len(joints), further=extra)
             )
         return TextTable(
             file,
@@ -259,12 +259,12 @@ def _joint_columns(table: TextTable, joints: list[str]) -> tuple[list[str], str 
 
 
 def _factor(
-    q: np.ndarray, stated: str | None, answer: str | None, file: Path, notes: list[str]
+    q: np.ndarray, stated: str | None, answer: str | None, file: Path, findings: list[Finding]
 ) -> float:
     unit = answer or stated
     if unit is None and np.abs(q).max() > 4 * np.pi:
         unit = "deg"  # no arm turns so far
-        notes.append("joint angles are taken for degrees: in radians they would be several turns")
+        findings.append(finding("truth.joint_degrees", file.name, largest=float(np.abs(q).max())))
     if unit is None:
         seen = f"the largest is {np.abs(q).max():.4g}"
         raise InputError(
@@ -316,7 +316,7 @@ def commanded_dwells(
     move: float | None,
     shift_ns: int,
     name: str,
-    notes: list[str],
+    findings: list[Finding],
 ) -> np.ndarray:
     """When each pose of a list was held, shape (n, 2): begin and end, host time [s].
 
@@ -327,7 +327,7 @@ def commanded_dwells(
         move: Time from pose to pose [s], or None to find the dwells in the samples.
         shift_ns: Of the first dwell, if `move` is given [ns].
         name: Of the sensor.
-        notes: Appended to.
+        findings: What was noticed; is added to.
 
     Raises:
         InputError: The samples show another number of dwells than there are poses.
@@ -342,10 +342,8 @@ def commanded_dwells(
             f"more, but {poses} poses; cut the recording to the poses, correct --dwell, or state "
             "how long each move takes with --move"
         )
-    notes.append(
-        f"{name}: {len(spans)} dwells found in the samples, {np.diff(spans).mean():.2f} s long on "
-        "average"
-    )
+    length = float(np.diff(spans).mean())
+    findings.append(finding("truth.dwells", name, dwells=len(spans), length_s=length))
     return spans
 
 

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from testbench.exceptions import InputError, NotFoundError
-from testbench.formats.recording import ImportedSensor
+from testbench.formats.recording import Recording
 from testbench.formats.tables.ros_bag import JOINT_STATE, POSES, TRANSFORMS, Bag
 from testbench.formats.truth.markers import set_truth
 from testbench.formats.truth.robot_log import RobotLog
 from testbench.formats.truth.tracked import quaternions
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.records.findings.catalogue import finding
 from testbench.records.specs.strict import Placement
 
 LEAST = 2
@@ -69,22 +70,20 @@ def joint_log(bag: Bag, joints: list[str], origin_ns: int | None) -> RobotLog:
 
 
 def give_bag_truth(
-    sensors: Mapping[str, ImportedSensor],
+    recording: Recording,
     bag: Bag,
     bodies: Mapping[str, list[str]],
     mountings: Mapping[str, Placement],
     times: tuple[int | None, int],
-    notes: list[str],
 ) -> None:
     """Give sensors the orientation of frames or poses of a bag as truth.
 
     Args:
-        sensors: By name; are changed.
+        recording: Whose sensors; is changed.
         bag: To read.
         bodies: Frame of the transform tree, or topic of poses, of each sensor.
         mountings: Sensor in the body ("" for all).
         times: Stamp at host time zero, None for the first of each body, and what is added [ns].
-        notes: Appended to.
 
     Raises:
         InputError: A sensor's body is not named.
@@ -105,10 +104,10 @@ def give_bag_truth(
             raise NotFoundError("frame or topic of poses", ",".join([body, *more]), existing)
         stamps, q, what = _poses(bag, body) if body in topics else _chain(bag, edges, body)
         start = int(stamps[0]) if origin is None else origin
-        sensors[name].details |= {"truth": f"ROS, {what}"}
-        notes.append(f"{name}: {len(q)} orientations of {what}")
+        recording.sensors[name].details |= {"truth": f"ROS, {what}"}
+        recording.findings.append(finding("truth.of_ros", name, count=len(q), what=what))
         mounting = mountings.get(name, mountings.get("", Placement()))
-        set_truth(name, sensors[name], stamps - start + shift, q, mounting, notes)
+        set_truth(recording, name, stamps - start + shift, q, mounting)
 
 
 def _stamp(header: Any) -> int:

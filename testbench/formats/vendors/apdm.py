@@ -27,13 +27,15 @@ from testbench.formats.dates import Recorded
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.suitable import suitable_analysis
+from testbench.formats.suitable import suited_recording
 from testbench.formats.table_sensors import Layout, table_sensor
 from testbench.formats.tables.matlab_file import MOST_COMPRESSED
 from testbench.formats.tables.recognise import Found
 from testbench.formats.tables.samples_stream import SampleStream
 from testbench.formats.tables.source import ROWS_PER_CHUNK, Columns, Kind
 from testbench.model import rotation
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 
 _QUANTITIES = {
     "acc": ("Accelerometer", "Accelerometers", "Acceleration"),
@@ -141,10 +143,10 @@ def read(files: list[Path], options: Options) -> Recording:
         raise InputError(f"an APDM recording is one file, {len(files)} were given")
     file = files[0]
     opals = _find(file)
-    notes: list[str] = []
+    findings: list[Finding] = []
     sensors: dict[str, ImportedSensor] = {}
     for name, opal in zip(unique_names(opal.label for opal in opals), opals, strict=True):
-        sensors[name] = _sensor(OpalTable(file, opal), name, options, notes)
+        sensors[name] = _sensor(OpalTable(file, opal), name, options, findings)
     date = None
     streams = [sensor.chunks for sensor in sensors.values()]
     if all("time" in opal.paths for opal in opals) and options.rate is None:
@@ -155,13 +157,11 @@ def read(files: list[Path], options: Options) -> Recording:
         if origin >= 1000 * _FIRST_SOLD_US:
             at = datetime.fromtimestamp(origin // 1_000_000_000, UTC)
             date = Recorded(at, "the first stamp of the file")
-    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
-    return Recording(
+    return suited_recording(
         sensor_name(file.stem),
         "APDM Opal recording",
         sensors,
-        suitable_analysis(heads),
-        notes,
+        findings,
         recorded=date,
     )
 
@@ -173,6 +173,9 @@ def _axes(quantity: str) -> str:
 def _short(error: Exception) -> str:
     text = " ".join(str(error).split())
     return text[:150] or type(error).__name__
+
+
+_FORWARD, _NWU = "sensor into earth", "north, west, up"
 
 
 def _find(file: Path) -> list[Opal]:
@@ -285,29 +288,32 @@ def _number(value: Any) -> float | None:
     return number if 0.01 <= number <= 100_000 else None
 
 
-def _sensor(table: OpalTable, name: str, options: Options, notes: list[str]) -> ImportedSensor:
+def _sensor(
+    table: OpalTable, name: str, options: Options, findings: list[Finding]
+) -> ImportedSensor:
     paths = table.opal.paths
     found = Found({q: [f"{q}_{axis}" for axis in _axes(q)] for q in _QUANTITIES if q in paths})
     layout = Layout("APDM Opal", _UNITS, TIME if TIME in table.names else None, "us")
     if "quaternion" in paths:
-        reading = _direction(table, name, notes)
+        reading = _direction(table, name, findings)
         if reading is None:
             del found.columns["quaternion"]
         else:
             conjugate, earth = reading
             layout = Layout("APDM Opal", _UNITS, layout.time, "us", conjugate, earth)
     if "time" not in paths and options.rate is None and table.opal.rate is not None:
-        notes.append(f"{name}: without times, the rate is that of the file, {table.opal.rate:g} Hz")
-    return table_sensor(table, found, layout, name, options, notes)
+        rate, who = table.opal.rate, "the file"
+        findings.append(finding("time.by_rows", name, rate_hz=rate, who=who))
+    return table_sensor(table, found, layout, name, options, findings)
 
 
-def _direction(table: OpalTable, name: str, notes: list[str]) -> tuple[bool, str] | None:
+def _direction(table: OpalTable, name: str, findings: list[Finding]) -> tuple[bool, str] | None:
     """Whether the quaternion turns earth into sensor, and what its earth is; None if neither fits.
 
     The measured gravity, turned into the earth, must be vertical.
     """
     if "acc" not in table.opal.paths:
-        notes.append(f"{name}: its orientation is taken for sensor into earth (north, west, up)")
+        findings.append(finding("orientation.unchecked", name, direction=_FORWARD, earth=_NWU))
         return False, "NWU"
     rows = next(table.chunks(dict.fromkeys((n for n in table.names if n != TIME), "float")))
     q = np.column_stack([rows[f"quaternion_{axis}"] for axis in "wxyz"])
@@ -315,7 +321,7 @@ def _direction(table: OpalTable, name: str, notes: list[str]) -> tuple[bool, str
     lengths, norms = rotation.lengths(q), rotation.lengths(acc)
     known = np.isfinite(lengths) & np.isfinite(norms) & (lengths > 0) & (norms > 0)
     if not known.any():
-        notes.append(f"{name}: its orientation is nowhere known, and left out")
+        findings.append(finding("orientation.absent", name))
         return None
     q, acc = q[known] / lengths[known, None], acc[known] / norms[known, None]
     upright = [
@@ -324,14 +330,12 @@ def _direction(table: OpalTable, name: str, notes: list[str]) -> tuple[bool, str
     conjugate = abs(upright[1]) > abs(upright[0])
     best = upright[int(conjugate)]
     if abs(best) < UPRIGHT:
-        notes.append(
-            f"{name}: its orientation fits the measured gravity in neither direction, and is left "
-            "out"
-        )
+        findings.append(finding("orientation.contradicted", name))
         return None
     earth = "NWU" if best > 0 else "NED"
-    told = "by gravity" if min(map(abs, upright)) < UPRIGHT else "unchecked, as it never tilts"
-    way = "earth into sensor" if conjugate else "sensor into earth"
-    words = "north, west, up" if best > 0 else "north, east, down"
-    notes.append(f"{name}: its orientation turns {way} ({words}): {told}")
+    tilts = min(map(abs, upright)) < UPRIGHT
+    code = "orientation.by_gravity" if tilts else "orientation.level"
+    direction = "earth into sensor" if conjugate else _FORWARD
+    words = _NWU if best > 0 else "north, east, down"
+    findings.append(finding(code, name, direction=direction, earth=words))
     return conjugate, earth

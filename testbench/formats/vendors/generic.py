@@ -6,8 +6,9 @@ from pathlib import Path
 
 from testbench.exceptions import InputError
 from testbench.formats.common_clock import share_clock
-from testbench.formats.mapped_files import Files, Meant, Place, sensors_meant
-from testbench.formats.mapped_sensor import Build, Mapped, mapped_sensor
+from testbench.formats.mapped.build import Build
+from testbench.formats.mapped.files import Files, Meant, Place, sensors_meant
+from testbench.formats.mapped.sensor import Mapped, mapped_sensor
 from testbench.formats.mapping import MappingSpec, find_mapping
 from testbench.formats.names import sensor_name, stem_without_stamp
 from testbench.formats.options import Options

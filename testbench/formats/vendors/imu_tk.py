@@ -23,9 +23,9 @@ import numpy as np
 from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.names import sensor_name
 from testbench.formats.options import Options
-from testbench.formats.plausibility import decide_unit, gather
+from testbench.formats.plausibility import gather, told_unit
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.suitable import suitable_analysis
+from testbench.formats.suitable import suited_recording
 from testbench.formats.table_sensors import asked_stamps
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
 from testbench.formats.tables.source import Columns, Kind
@@ -36,7 +36,7 @@ from testbench.formats.tables.text_table import (
     head_of,
     split_line,
 )
-from testbench.formats.units import find_unit
+from testbench.records.findings.catalogue import finding
 
 NAMES = ["time", "x", "y", "z"]
 OFFSET = 32768
@@ -142,7 +142,7 @@ def read(files: list[Path], options: Options) -> Recording:
     rate = options.rate_or(None) or measured_rate(head)
     if rate is None:
         raise source.problem("two samples at least, at different times, are needed")
-    notes = [f"{acc.name} is the accelerometer, {gyr.name} the gyroscope"]
+    findings = [finding("structure.pair", "imu", acc=acc.name, gyr=gyr.name)]
     details: dict[str, object] = {}
     if _raw_counts(head.acc) and _raw_counts(head.gyr):
         chosen = stream(1 / COUNTS_PER_M_S2, 1 / COUNTS_PER_RAD_S, OFFSET)
@@ -151,27 +151,26 @@ def read(files: list[Path], options: Options) -> Recording:
             "acc": {"offset": OFFSET, "counts_per_m_s2": COUNTS_PER_M_S2},
             "gyr": {"offset": OFFSET, "counts_per_rad_s": COUNTS_PER_RAD_S},
         }
-        notes.append(
-            f"raw counts, scaled nominally: {COUNTS_PER_M_S2:g} per m/s^2, {COUNTS_PER_RAD_S:g} "
-            f"per rad/s, zero at {OFFSET}"
+        findings.append(
+            finding(
+                "unit.raw_counts",
+                "imu",
+                acc_counts=COUNTS_PER_M_S2,
+                gyr_counts=COUNTS_PER_RAD_S,
+                zero=OFFSET,
+            )
         )
-        notes.append(f"the example of imu_tk was recorded where gravity is {LOCAL_GRAVITY} m/s^2")
+        findings.append(finding("unit.local_gravity", gravity_m_s2=LOCAL_GRAVITY))
         description = "raw counts of a 16-bit IMU (imu_tk), scaled nominally"
     else:
-        evidence = gather(plain)
-        acc_unit = options.unit("acc", None) or decide_unit(
-            "acc", evidence, "imu", "--unit acc=UNIT"
-        )
-        gyr_unit = options.unit("gyr", None) or decide_unit(
-            "gyr", evidence, "imu", "--unit gyr=UNIT"
-        )
-        chosen = stream(
-            find_unit("acc", acc_unit.name).factor, find_unit("gyr", gyr_unit.name).factor, 0.0
-        )
-        notes.append(
-            f"units {acc_unit.name} and {gyr_unit.name}, by "
-            f"{'your answer' if {'acc', 'gyr'} & options.units.keys() else 'gravity and turning'}"
-        )
+        evidence, factors = gather(plain), {}
+        for quantity in ("acc", "gyr"):
+            unit = options.unit(quantity, None)
+            if unit is None:
+                unit, said = told_unit(quantity, evidence, "imu", f"--unit {quantity}=UNIT")
+                findings.append(said)
+            factors[quantity] = unit.factor
+        chosen = stream(factors["acc"], factors["gyr"], 0.0)
         description = "accelerometer and gyroscope (imu_tk text)"
     sensor = ImportedSensor(
         chosen,
@@ -183,12 +182,11 @@ def read(files: list[Path], options: Options) -> Recording:
         unix=stamps.unix,
     )
     label = sensor_name(re.sub(r"[_-]?acc\w*$", "", acc.stem, flags=re.I) or acc.stem)
-    return Recording(
+    return suited_recording(
         label,
         "accelerometer and gyroscope in the format of imu_tk",
         {"imu": sensor},
-        suitable_analysis([chosen.first()]),
-        notes,
+        findings,
     )
 
 

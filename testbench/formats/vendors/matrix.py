@@ -13,17 +13,19 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.assumed import assumed_units
 from testbench.formats.dates import earliest, recorded
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.suitable import suitable_analysis
+from testbench.formats.suitable import suited_recording
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
 from testbench.formats.tables.source import Columns, Kind, first_rows
 from testbench.formats.tables.text_table import find_table, head_of, split_line
 from testbench.formats.tables.timeline import SpreadTime, StampedTime, rate_of_stamps
 from testbench.frames import NANOSECONDS
 from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 
 NOMINAL_RATE = 100.0
 TEMPERATURE = "ambient_temp"
@@ -44,32 +46,29 @@ def read(files: list[Path], options: Options) -> Recording:
     if not files:
         raise InputError("a MATRIX recording needs at least one file")
     names = unique_names(stem_without_stamp(file.stem) for file in files)
-    sensors, notes, dates = {}, [], []
+    sensors: dict[str, ImportedSensor] = {}
+    findings: list[Finding] = []
+    dates = []
     for name, file in zip(names, files, strict=True):
-        sensors[name], own, first = _sensor(file, options)
+        sensors[name], first = _sensor(name, file, options)
         dates.append(recorded(first, f"dateTime in {file.name}"))
-        notes += [f"{name}: {note}" for note in own]
-    findings = []
     if len(files) > 1:
         why = "each has a clock of its own, which its stamps tell to a second"
         findings.append(finding("clock.own", why=why))
-    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     label = sensor_name(files[0].stem) if len(files) == 1 else "matrix"
     purpose = "MATRIX recording (accelerometer and gyroscope)"
-    return Recording(
+    return suited_recording(
         label,
         purpose,
         sensors,
-        suitable_analysis(heads),
-        notes,
         findings,
         recorded=earliest(dates),
     )
 
 
 # One piece: the titles that are found decide what is checked, converted and noted.
-def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], str]:
-    """The sensor, notes, and its first stamp as it is written."""
+def _sensor(name: str, file: Path, options: Options) -> tuple[ImportedSensor, str]:
+    """The sensor, and its first stamp as it is written."""
     header = re.compile(r"(?=.*\bdateTime\b)(?=.*\bacc_x\b)", re.IGNORECASE)
     table, _ = find_table(
         file,
@@ -89,7 +88,7 @@ def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], st
     acc_unit, gyr_unit = options.unit("acc", "g"), options.unit("gyr", "deg/s")
     assert acc_unit is not None
     assert gyr_unit is not None
-    notes = []
+    findings = assumed_units(name, {"acc": "g", "gyr": "deg/s"}, options)
     rate = options.rate_or(None)
     first_stamps = first_rows(table, {stamp: "clock"})[stamp]
     whole_s = 60.0 if np.all(first_stamps % 60 == 0) and len(first_stamps) > 1 else 1.0
@@ -103,15 +102,11 @@ def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], st
                 f"{stamp} has whole minutes, and none of them is whole in the file: state the "
                 "sampling rate with --rate HZ"
             )
-        how = (
-            "nominal; the stamps cannot tell"
+        unit = "minutes" if whole_s > 1 else "seconds"
+        findings.append(
+            finding("time.nominal", name, unit=unit, rate_hz=rate)
             if np.isinf(doubt)
-            else f"by the stamps of whole {'minutes' if whole_s > 1 else 'seconds'}, to "
-            f"{doubt:.2g} Hz"
-        )
-        notes.append(
-            f"rate {rate:.6g} Hz ({how}); the samples are spread evenly over their "
-            f"{'minutes' if whole_s > 1 else 'seconds'}"
+            else finding("time.spread", name, unit=unit, rate_hz=rate, within_hz=doubt)
         )
     kinds: dict[str, Kind] = dict.fromkeys(
         [titles[name] for name in [*ACC, *GYR, TEMPERATURE] if name in titles], "float"
@@ -126,9 +121,10 @@ def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], st
             temperature=degrees,
         )
 
-    left = [name for name in table.names if name and name.lower() not in {*wanted, TEMPERATURE}]
+    known = {*wanted, TEMPERATURE}
+    left = [title for title in table.names if title and title.lower() not in known]
     if left:
-        notes.append(f"columns that were not read: {', '.join(left)}")
+        findings.append(finding("structure.columns_left", name, columns=left))
     stream = SampleStream(table, kinds, convert, lambda: SpreadTime(stamp, rate, whole_s))
     below = head_of(file, options.encoding)[table.first_line - 1 :]
     first = next((line for line in below if line.strip()), "")
@@ -136,7 +132,11 @@ def _sensor(file: Path, options: Options) -> tuple[ImportedSensor, list[str], st
         stamp, ""
     )
     return (
-        ImportedSensor(stream, rate, "MATRIX (ICM-40607), accelerometer and gyroscope"),
-        notes,
+        ImportedSensor(
+            stream,
+            rate,
+            "MATRIX (ICM-40607), accelerometer and gyroscope",
+            findings=findings,
+        ),
         stamps_text,
     )

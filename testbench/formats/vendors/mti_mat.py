@@ -19,11 +19,13 @@ from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.suitable import suitable_analysis
+from testbench.formats.suitable import suited_recording
 from testbench.formats.table_sensors import Layout, table_sensor
 from testbench.formats.tables.array_table import ArrayTable
 from testbench.formats.tables.matlab_file import load_mat
 from testbench.formats.tables.recognise import Found
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 
 _DATA = r"(_?(data|meas|raw|cal|calibrated))?"
 _NAMES = {
@@ -73,18 +75,16 @@ def read(files: list[Path], options: Options) -> Recording:
                 )
             ],
         )
-    notes: list[str] = []
+    findings: list[Finding] = []
     sensors = {}
     for name, (key, group) in zip(unique_names(groups), groups.items(), strict=True):
-        notes += [f"the struct {key} is the sensor {name}"] if key != name else []
-        sensors[name] = _sensor(file, name, content | group, options, notes)
-    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
-    return Recording(
+        findings += [finding("structure.struct", name, struct=key)] if key != name else []
+        sensors[name] = _sensor(file, name, content | group, options, findings)
+    return suited_recording(
         sensor_name(file.stem),
         "recording in a MATLAB file",
         sensors,
-        suitable_analysis(heads),
-        notes,
+        findings,
     )
 
 
@@ -112,7 +112,7 @@ def _by_kind(content: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
 # One piece: the arrays that are found decide what is checked, renamed and noted.
 def _sensor(
-    file: Path, name: str, content: Mapping[str, Any], options: Options, notes: list[str]
+    file: Path, name: str, content: Mapping[str, Any], options: Options, findings: list[Finding]
 ) -> ImportedSensor:
     found_arrays = _by_kind(content)
     lengths = {
@@ -156,11 +156,8 @@ def _sensor(
         stated_rate = rate
     if stamped:
         arrays["time"] = found_arrays["time"]
-    notes += (
-        [f"{name}: quaternions are taken for q_earth_from_sensor, w first"]
-        if "quaternion" in found_arrays
-        else []
-    )
+    if "quaternion" in found_arrays:
+        findings.append(finding("orientation.assumed", name))
     layout = Layout(
         "inertial sensor of a MATLAB file",
         {},
@@ -168,4 +165,4 @@ def _sensor(
         None,
         rate=stated_rate,
     )
-    return table_sensor(ArrayTable(file, arrays), found, layout, name, options, notes)
+    return table_sensor(ArrayTable(file, arrays), found, layout, name, options, findings)

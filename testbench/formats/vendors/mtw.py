@@ -16,13 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.assumed import assumed_units, derived_quantities
 from testbench.formats.common_clock import share_clock
 from testbench.formats.dates import earliest, recorded
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.stamps import Asking, Stamps, rate_differs, read_stamps
-from testbench.formats.suitable import suitable_analysis
+from testbench.formats.suitable import suited_recording
 from testbench.formats.tables.samples_stream import (
     Quantities,
     SampleStream,
@@ -36,6 +37,7 @@ from testbench.formats.tables.timeline import RegularTime
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.earths import Q_ENU_FROM
+from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 
 SETS = {
@@ -51,6 +53,7 @@ SETS = {
     "dv": ["VelInc_X", "VelInc_Y", "VelInc_Z"],
 }
 COUNTER, TICKS = "PacketCounter", "SampleTimeFine"
+_UNITS = {"acc": "m/s^2", "gyr": "rad/s", "mag": "au"}
 TICK_NS = NANOSECONDS // 10_000
 LOWEST_HZ = 10.0
 """An MTw Awinda puts out 40 to 120 Hz, by the number of sensors (user manual), an MTi 400 Hz if
@@ -89,24 +92,21 @@ def read(files: list[Path], options: Options) -> Recording:
             )
         )
     names = unique_names(_name(table, header) for table, header in opened)
-    notes: list[str] = []
+    findings: list[Finding] = []
     sensors = {}
     for name, (table, header) in zip(names, opened, strict=True):
-        sensors[name] = _sensor(name, table, header, options, notes)
+        sensors[name] = _sensor(name, table, header, options, findings)
     tables = {name: table for name, (table, _) in zip(names, opened, strict=True)}
-    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
     label = sensor_name(files[0].stem) if len(files) == 1 else "mtw"
     date = earliest(
         recorded(header.get("Start Time"), f"Start Time in {table.file.name}")
         for table, header in opened
     )
-    return Recording(
+    return suited_recording(
         label,
         "Xsens recording exported by MT Manager",
         sensors,
-        suitable_analysis(heads),
-        notes,
-        _clock(sensors, tables),
+        [*_clock(sensors, tables), *findings],
         recorded=date,
     )
 
@@ -122,7 +122,7 @@ def _name(table: TextTable, header: dict[str, str]) -> str:
 
 # One piece: each quantity has several spellings in the file, and the first that is there is read.
 def _sensor(
-    name: str, table: TextTable, header: dict[str, str], options: Options, notes: list[str]
+    name: str, table: TextTable, header: dict[str, str], options: Options, findings: list[Finding]
 ) -> ImportedSensor:
     titles = {title.strip().lower(): title for title in table.names}
     columns_of = {
@@ -138,18 +138,15 @@ def _sensor(
     kinds: dict[str, Kind] = dict.fromkeys(used, "float")
     counter = titles.get(COUNTER.lower())
     rate, stamps, how = _time(name, table, header, titles, options)
-    notes.append(f"{name}: {how}")
-    units = {
-        q: options.unit(q, stated)
-        for q, stated in (("acc", "m/s^2"), ("gyr", "rad/s"), ("mag", "au"))
-        if has[q]
-    }
+    findings.append(how)
+    taken = {q: unit for q, unit in _UNITS.items() if has[q]}
+    units = {q: options.unit(q, stated) for q, stated in taken.items()}
     factors = {quantity: unit.factor for quantity, unit in units.items() if unit is not None}
     earth = next(
         (key for key in Q_ENU_FROM if key in header.get("Coordinate system", "ENU").upper()), "ENU"
     )
     if earth != "ENU":
-        notes.append(f"{name}: orientations are turned from {earth} to ENU")
+        findings.append(finding("orientation.other_earth", name, earth=earth))
     q_enu_from_earth = np.array(Q_ENU_FROM[earth])
 
     def pick(columns: Columns, key: str, factor: float = 1.0) -> np.ndarray:
@@ -186,12 +183,10 @@ def _sensor(
             q if q is None or earth == "ENU" else rotation.multiply(q_enu_from_earth, q),
         )
 
-    if has["mag"] and not options.answered("mag"):
-        notes.append(
-            f"{name}: magnetic field: 1 a.u. of the file is taken for 40 uT; only its direction is "
-            "exact"
-        )
-    notes += [] if has["gyr"] or has["dq"] else [f"{name}: no angular rate: NaN"]
+    findings += assumed_units(name, taken, options)
+    turns = has["quat"] or has["mat"] or has["euler"]
+    free = turns and (has["free"] or has["free_xyz"]) and earth != "NED"
+    findings += derived_quantities(name, has | {"free": free})
     kept = {
         "DeviceId": "device_id",
         "Firmware Version": "firmware",
@@ -217,8 +212,8 @@ def _time(
     header: dict[str, str],
     titles: dict[str, str],
     options: Options,
-) -> tuple[float, Stamps, str]:
-    """Rate [Hz], what makes the times, and a note on where they come from."""
+) -> tuple[float, Stamps, Finding]:
+    """Rate [Hz], what makes the times, and where they come from."""
     found = re.match(r"([0-9.]+)\s*Hz", header.get("Update Rate", ""))
     stated = float(found.group(1)) if found else None
     counter, ticks = titles.get(COUNTER.lower()), titles.get(TICKS.lower())
@@ -227,15 +222,22 @@ def _time(
     if stamps is not None and (options.rate is None or counter is None):
         measured = round(stamps.rate or 0.0, 3)
         denied = options.rate is None and bool(rate_differs(rate or measured, "", measured, True))
-        return measured if denied else rate or measured, stamps, f"times by {TICKS}"
+        return (
+            measured if denied else rate or measured,
+            stamps,
+            finding("time.by_column", name, column=TICKS),
+        )
     if rate is None:
         raise InputError(
             f"{table.file}: neither an update rate in the header nor {TICKS}; state the sampling "
             "rate with --rate HZ"
         )
-    steps = f"times by {COUNTER} at {rate:g} Hz" if counter else f"times by the rows at {rate:g} Hz"
+    who = "the header" if options.rate is None else "--rate"
+    how = finding("time.by_rows", name, rate_hz=rate, who=who)
+    if counter is not None:
+        how = finding("time.by_counter", name, column=counter, rate_hz=rate, who=who)
     findings = [] if stamps is None else stamps.findings
-    return rate, Stamps(lambda: RegularTime(rate, counter), findings), steps
+    return rate, Stamps(lambda: RegularTime(rate, counter), findings), how
 
 
 def _by_ticks(

@@ -19,11 +19,13 @@ from testbench.formats.common_clock import share_clock
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.suitable import suitable_analysis
+from testbench.formats.suitable import suited_recording
 from testbench.formats.table_sensors import Layout, table_sensor
 from testbench.formats.tables.joined_table import Joined, JoinedTable
 from testbench.formats.tables.recognise import Found, find_sensors, find_time
 from testbench.formats.tables.text_table import TextTable, find_table
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 
 _HEADER = re.compile(r"^\W*Time\b.*(Gyroscope|Accelerometer|\bW\b|Quaternion)", re.IGNORECASE)
 Q = ["W", "X", "Y", "Z"]
@@ -60,19 +62,16 @@ def read(files: list[Path], options: Options) -> Recording:
             )
         tables[kind] = table
     names = unique_names(_device_name(tables, folder) for folder, tables in devices.items())
-    notes: list[str] = []
+    findings: list[Finding] = []
     sensors = {}
     for name, tables in zip(names, devices.values(), strict=True):
-        sensors[name] = _device(name, tables, options, notes)
-    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
+        sensors[name] = _device(name, tables, options, findings)
     label = names[0] if len(names) == 1 else "ngimu"
-    return Recording(
+    return suited_recording(
         sensor_name(label),
         "NGIMU recording",
         sensors,
-        suitable_analysis(heads),
-        notes,
-        share_clock(sensors, "the time that NGIMUs of one session write", ""),
+        [*share_clock(sensors, "the time that NGIMUs of one session write", ""), *findings],
     )
 
 
@@ -82,7 +81,7 @@ def _device_name(tables: dict[str, TextTable], folder: Path) -> str:
 
 
 def _device(
-    name: str, tables: dict[str, TextTable], options: Options, notes: list[str]
+    name: str, tables: dict[str, TextTable], options: Options, findings: list[Finding]
 ) -> ImportedSensor:
     times = {kind: _time(table) for kind, table in tables.items()}
     source: TextTable | JoinedTable
@@ -102,11 +101,12 @@ def _device(
             source = JoinedTable(tables["sensors"], times["sensors"], [orientation])
         found.columns["quaternion"] = list(Q)
         if "sensors" in tables:
-            notes.append(f"{name}: quaternions are interpolated to the times of the sensors")
-        else:
-            notes.append(
-                f"{name}: without sensors.csv there is no specific force and no angular rate: NaN"
+            file, main = q_table.file.name, tables["sensors"].file.name
+            findings.append(
+                finding("structure.at_times_of", name, quantity="quaternion", file=file, main=main)
             )
+        else:
+            findings.append(finding("derived.missing_file", name, file="sensors.csv"))
     first = "sensors" if "sensors" in tables else "quaternion"
     layout = Layout(
         "x-io NGIMU",
@@ -116,7 +116,7 @@ def _device(
         conjugate=True,
         earth="NWU",
     )
-    return table_sensor(source, found, layout, name, options, notes)
+    return table_sensor(source, found, layout, name, options, findings)
 
 
 def _time(table: TextTable) -> str:

@@ -16,7 +16,7 @@ from testbench.exceptions import InputError
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.suitable import suitable_analysis
+from testbench.formats.suitable import suited_recording
 from testbench.formats.table_sensors import asked_stamps
 from testbench.formats.tables.samples_stream import (
     Quantities,
@@ -27,6 +27,7 @@ from testbench.formats.tables.samples_stream import (
 from testbench.formats.tables.source import Columns
 from testbench.formats.tables.sto_table import AXES, TIME, StoTable, find_sto
 from testbench.model import rotation
+from testbench.records.findings.catalogue import finding
 
 Q_WORLD_FROM_GROUND = rotation.from_rotation_vector(np.array([np.pi / 2, 0.0, 0.0]))
 """From OpenSim's ground (y up) to the world (z up): x stays, ground y becomes world z."""
@@ -47,20 +48,15 @@ def read(files: list[Path], options: Options) -> Recording:
         raise InputError(f"an OpenSim table is one file, {len(files)} were given")
     table = find_sto(files[0])
     ground = "y up" in table.header.get("frame", "")
-    notes = [
-        "orientations are taken for sensor into world, "
-        + ("turned from y up to z up, as the header says" if ground else "z up")
-    ]
+    findings = [finding("orientation.y_up" if ground else "orientation.z_up", files[0].name)]
     sensors: dict[str, ImportedSensor] = {}
     for name, body in zip(unique_names(table.bodies), table.bodies, strict=True):
         sensors[name] = _sensor(table, body, ground, options)
-    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
-    return Recording(
+    return suited_recording(
         sensor_name(files[0].stem),
         "orientations in an OpenSim table",
         sensors,
-        suitable_analysis(heads),
-        notes,
+        findings,
     )
 
 

@@ -20,7 +20,7 @@ from testbench.formats.dates import Recorded
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.suitable import suitable_analysis
+from testbench.formats.suitable import suited_recording
 from testbench.formats.table_sensors import Layout, table_sensor
 from testbench.formats.tables.joined_table import Joined, JoinedTable
 from testbench.formats.tables.recognise import Found
@@ -28,6 +28,8 @@ from testbench.formats.tables.ros_bag import IMU, MAGNETIC_FIELD, Bag, open_bag
 from testbench.formats.tables.samples_stream import SampleStream
 from testbench.formats.tables.source import Columns, Kind, Source
 from testbench.frames import NANOSECONDS
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 
 TIME = "stamp"
 ABSENT = -1.0
@@ -114,23 +116,21 @@ def read(files: list[Path], options: Options) -> Recording:
     if not topics:
         listing = ", ".join(f"{topic} ({kind})" for topic, kind in bag.topics.items()) or "nothing"
         raise bag.problem(f"no topic of {IMU}; the bag has {listing}")
-    notes: list[str] = []
+    findings: list[Finding] = []
     fields = _fields(topics, bag.of(MAGNETIC_FIELD))
     sensors: dict[str, ImportedSensor] = {}
     for name, topic in zip(unique_names(map(_plain, topics)), topics, strict=True):
-        sensor = _sensor(bag, topic, fields.get(topic), name, options, notes)
+        sensor = _sensor(bag, topic, fields.get(topic), name, options, findings)
         if sensor is not None:
             sensors[name] = sensor
     if not sensors:
         raise bag.problem("its topics of inertial messages are empty")
     origin = None if options.rate is not None else _share_origin(sensors)
-    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
-    return Recording(
+    return suited_recording(
         sensor_name(files[0].stem),
         "recording in a bag of ROS",
         sensors,
-        suitable_analysis(heads),
-        notes,
+        findings,
         recorded=_date(origin),
         origin_ns=origin,
     )
@@ -179,18 +179,20 @@ def _fields(topics: list[str], fields: list[str]) -> dict[str, str]:
 
 
 def _sensor(
-    bag: Bag, topic: str, field: str | None, name: str, options: Options, notes: list[str]
+    bag: Bag, topic: str, field: str | None, name: str, options: Options, findings: list[Finding]
 ) -> ImportedSensor | None:
     """The sensor of a topic, None where it has no messages."""
     first = next(bag.numbers(topic), None)
     if first is None:
-        notes.append(f"{name}: the topic {topic} is empty, and left out")
+        findings.append(finding("structure.empty_topic", name, topic=topic))
         return None
     stamps, _, values = first
     logged = not stamps.any()
     if logged:
-        notes.append(f"{name}: the headers have no stamps; times are those of the recording")
-    notes.append(f"{name}: the topic {topic}{f', its field {field}' if field else ''}")
+        findings.append(finding("time.of_recorder", name))
+    findings.append(finding("structure.topic", name, topic=topic))
+    if field is not None:
+        findings.append(finding("structure.field_topic", name, topic=field))
     columns = _inertial(values)
     found = Found()
     for part, (_, _, axes) in _PARTS.items():
@@ -198,7 +200,9 @@ def _sensor(
         if np.isfinite(columns[titles[0]]).any():
             found.columns[part] = titles
         else:
-            notes.append(f"{name}: its messages hold no {_WORDS[part]}")
+            findings.append(
+                finding("derived.missing", name, source="its topic", quantity=_WORDS[part])
+            )
     source: Source = Topic(bag, topic, logged)
     if field is not None and next(bag.numbers(field), None) is not None:
         found.columns["mag"] = ["mag_x", "mag_y", "mag_z"]
@@ -209,4 +213,4 @@ def _sensor(
     layout = Layout(
         "inertial sensor in ROS", {"acc": "m/s^2", "gyr": "rad/s", "mag": "uT"}, TIME, "ns"
     )
-    return table_sensor(source, found, layout, name, options, notes)
+    return table_sensor(source, found, layout, name, options, findings)

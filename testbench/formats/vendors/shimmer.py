@@ -17,11 +17,13 @@ from testbench.formats.common_clock import share_clock
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import Recording
-from testbench.formats.suitable import suitable_analysis
+from testbench.formats.suitable import suited_recording
 from testbench.formats.table_sensors import Layout, table_sensor
 from testbench.formats.tables.recognise import Found
 from testbench.formats.tables.text_table import TextTable, find_table, head_of, split_line
 from testbench.formats.units import TimeUnit, known_unit
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 
 _HEADER = re.compile(r"(Accel|Gyro)\w*_[XYZ]_(CAL|RAW)|Timestamp\w*_(CAL|RAW)")
 _SIGNAL = re.compile(
@@ -50,29 +52,29 @@ def read(files: list[Path], options: Options) -> Recording:
     """
     if not files:
         raise InputError("a Shimmer recording needs at least one file")
-    notes: list[str] = []
+    findings: list[Finding] = []
     parts = []
     for file in files:
-        parts += [(file, *part) for part in _devices(file, options.encoding_or(None), notes)]
+        parts += [(file, *part) for part in _devices(file, options.encoding_or(None), findings)]
     names = unique_names(device or file.stem for file, device, *_ in parts)
     sensors = {}
     for name, (_, _, table, found, layout) in zip(names, parts, strict=True):
-        sensors[name] = table_sensor(table, found, layout, name, options, notes)
-    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
+        sensors[name] = table_sensor(table, found, layout, name, options, findings)
     label = sensor_name(files[0].stem) if len(files) == 1 else "shimmer"
-    return Recording(
+    return suited_recording(
         label,
         "Shimmer recording exported by Consensys",
         sensors,
-        suitable_analysis(heads),
-        notes,
-        share_clock(sensors, None, "a Timestamp counts since power-up, Timestamp_Unix does not"),
+        [*share_clock(sensors, None, _UNSHARED), *findings],
     )
+
+
+_UNSHARED = "a Timestamp counts since power-up, Timestamp_Unix does not"
 
 
 # One piece: titles and units of one header are sorted by device.
 def _devices(
-    file: Path, encoding: str | None, notes: list[str]
+    file: Path, encoding: str | None, findings: list[Finding]
 ) -> list[tuple[str, TextTable, Found, Layout]]:
     lines = head_of(file, encoding)
     at = next((i for i, line in enumerate(lines) if _HEADER.search(line)), None)
@@ -113,15 +115,15 @@ def _devices(
         if not found.columns.keys() & {"acc", "gyr"}:
             continue
         time, unit = _time(table, kinds, units)
-        notes += (
-            [f"{device}: the low-noise accelerometer was read, not the wide-range one"]
-            if "Accel_LN" in kinds and "Accel_WR" in kinds
-            else []
-        )
-        if found.units.get("mag") == "local_flux":
-            notes.append(
-                f"{device}: magnetic field: one unit of the local field is taken for 40 uT; only "
-                "its direction is exact"
+        if "Accel_LN" in kinds and "Accel_WR" in kinds:
+            findings.append(
+                finding(
+                    "structure.one_of_several",
+                    device,
+                    quantity="specific force",
+                    taken="the low-noise accelerometer",
+                    others="the wide-range one",
+                )
             )
         result.append(
             (

@@ -24,12 +24,13 @@ from testbench.formats.common_clock import share_clock
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import Recording
-from testbench.formats.suitable import suitable_analysis
+from testbench.formats.suitable import suited_recording
 from testbench.formats.table_sensors import Layout, table_sensor
 from testbench.formats.tables.joined_table import Joined, JoinedTable
 from testbench.formats.tables.recognise import Found, find_sensors, find_time
 from testbench.formats.tables.source import Columns, Kind, Source
 from testbench.formats.tables.text_table import TextTable, find_table
+from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 
 _HEADER = re.compile(r"acc\w*[\s_.\-]*x|gyr\w*[\s_.\-]*x|(quat\w*|q)[\s_.\-]*[w0]\b", re.IGNORECASE)
@@ -73,7 +74,7 @@ def read(files: list[Path], options: Options) -> Recording:
     """
     if not files:
         raise InputError("a Technaid recording needs at least one file")
-    notes: list[str] = []
+    findings: list[Finding] = []
     parts = []
     for file in files:
         table, _ = find_table(
@@ -99,15 +100,13 @@ def read(files: list[Path], options: Options) -> Recording:
         time, found = find_time(part.table.names), part.found
         column, unit = time or (None, None)
         if other is not None:
-            source, found = _joined(part, other, notes, name)
+            source, found = _joined(part, other, findings, name)
         layout = Layout("Technaid Tech-IMU", {}, column, unit)
-        result[name] = table_sensor(source, found, layout, name, options, notes)
-    heads = [head for head in (sensor.head() for sensor in result.values()) if head is not None]
+        result[name] = table_sensor(source, found, layout, name, options, findings)
     label = sensor_name(stem_without_stamp(files[0].stem)) if len(files) == 1 else "technaid"
-    findings: list[Finding] = []
     if len({part.table.file for part, _ in pairs}) > 1:
-        findings = share_clock(result, None, "their times are no Unix times")
-    return Recording(label, "Technaid recording", result, suitable_analysis(heads), notes, findings)
+        findings = [*share_clock(result, None, "their times are no Unix times"), *findings]
+    return suited_recording(label, "Technaid recording", result, findings)
 
 
 def _pairs(parts: list[Part]) -> list[tuple[Part, Part | None]]:
@@ -136,7 +135,7 @@ def _pairs(parts: list[Part]) -> list[tuple[Part, Part | None]]:
     return pairs + [(part, None) for part in quaternions if part not in taken]
 
 
-def _joined(part: Part, other: Part, notes: list[str], name: str) -> tuple[Source, Found]:
+def _joined(part: Part, other: Part, findings: list[Finding], name: str) -> tuple[Source, Found]:
     """The physical data with the quaternions of the other file, brought to their times."""
     titles = [f"quaternion_{axis}" for axis in "wxyz"]
     columns = dict(zip(titles, other.found.columns["quaternion"], strict=True))
@@ -144,7 +143,7 @@ def _joined(part: Part, other: Part, notes: list[str], name: str) -> tuple[Sourc
     first, second = part.table.file.name, other.table.file.name
     own, its = find_time(part.table.names), find_time(other.table.names)
     if own is None or its is None:
-        notes.append(f"{name}: the rows of {first} and {second} are taken to be simultaneous")
+        findings.append(finding("structure.side_by_side", name, first=first, second=second))
         rows = Joined(Numbered(other.table), ROW, columns, turns=True)
         return JoinedTable(Numbered(part.table), ROW, [rows]), found
     if own[1] != its[1]:
@@ -159,7 +158,9 @@ def _joined(part: Part, other: Part, notes: list[str], name: str) -> tuple[Sourc
             f"from {its_begin:g} to {its_end:g} it has no time in common with {first}, which goes "
             f"from {begin:g} to {end:g}; the two are no pair of one recording"
         )
-    notes.append(f"{name}: {first} and {second} are one sensor; quaternions are interpolated")
+    findings.append(
+        finding("structure.at_times_of", name, quantity="quaternion", file=second, main=first)
+    )
     return JoinedTable(part.table, own[0], [Joined(other.table, its[0], columns, True)]), found
 
 

@@ -26,13 +26,15 @@ from testbench.formats.dates import Recorded, earliest, recorded
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
-from testbench.formats.suitable import suitable_analysis
+from testbench.formats.suitable import suited_recording
 from testbench.formats.table_sensors import Layout, table_sensor
 from testbench.formats.tables.joined_table import Joined, JoinedTable
 from testbench.formats.tables.recognise import Found
 from testbench.formats.tables.source import Columns, Kind, Source, first_rows
 from testbench.formats.tables.text_table import TextTable, find_table
 from testbench.model import rotation
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 
 _HEADER = re.compile(r"^\W*Timestamp\b.*\(us\)", re.IGNORECASE)
 TIME = re.compile(r"^timestamp \(us\)$", re.IGNORECASE)
@@ -116,8 +118,8 @@ def read(files: list[Path], options: Options) -> Recording:
         FileProblems: A file is not of this format.
     """
     devices: dict[Path, dict[str, TextTable]] = {}
-    notes: list[str] = []
-    for file in _expanded(files, notes):
+    findings: list[Finding] = []
+    for file in _expanded(files, findings):
         table, _ = find_table(
             file,
             _HEADER,
@@ -136,22 +138,19 @@ def read(files: list[Path], options: Options) -> Recording:
         raise InputError("an x-IMU3 recording needs Inertial.csv, or the folder that holds it")
     names = unique_names(_device_name(tables, folder) for folder, tables in devices.items())
     sensors = {
-        name: _device(name, tables, options, notes)
+        name: _device(name, tables, options, findings)
         for name, tables in zip(names, devices.values(), strict=True)
     }
-    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
-    return Recording(
+    return suited_recording(
         sensor_name(names[0] if len(names) == 1 else "ximu3"),
         "x-IMU3 recording",
         sensors,
-        suitable_analysis(heads),
-        notes,
-        share_clock(sensors, None, "their timestamps count since power-up"),
+        [*share_clock(sensors, None, "their timestamps count since power-up"), *findings],
         recorded=earliest(_command_date(folder) for folder in devices),
     )
 
 
-def _expanded(files: list[Path], notes: list[str]) -> list[Path]:
+def _expanded(files: list[Path], findings: list[Finding]) -> list[Path]:
     """Files for folders, and without those that hold no motion."""
     result: list[Path] = []
     passed_over: list[str] = []
@@ -169,7 +168,7 @@ def _expanded(files: list[Path], notes: list[str]) -> list[Path]:
         else:
             result.append(file)
     if passed_over:
-        notes.append(f"left out, as they hold no motion: {', '.join(passed_over)}")
+        findings.append(finding("structure.files_left", files=passed_over))
     return result
 
 
@@ -227,23 +226,26 @@ def _command_date(folder: Path) -> Recorded | None:
 
 
 def _device(
-    name: str, tables: dict[str, TextTable], options: Options, notes: list[str]
+    name: str, tables: dict[str, TextTable], options: Options, findings: list[Finding]
 ) -> ImportedSensor:
     times = {
         kind: next(title for title in table.names if TIME.match(title))
         for kind, table in tables.items()
     }
     others: list[Joined] = []
+    interpolated: dict[str, TextTable] = {}
     found = Found()
-    orientations = _orientations(name, tables, times, notes)
+    orientations = _orientations(name, tables, times, findings)
     if orientations is not None:
         found.columns["quaternion"] = list(Q)
+        interpolated["quaternion"] = orientations.table
         others.append(Joined(orientations, orientations.time, {q: q for q in Q}, turns=True))
     if "magnetometer" in tables:
         table = tables["magnetometer"]
         titles = _columns(table, "mag") or []
         found.columns["mag"] = ["mag_x", "mag_y", "mag_z"]
-        found.units["mag"] = _field_unit(table, titles, name, notes)
+        interpolated["mag"] = table
+        found.units["mag"] = _field_unit(table, titles, name, options, findings)
         others.append(
             Joined(
                 table, times["magnetometer"], dict(zip(found.columns["mag"], titles, strict=True))
@@ -257,15 +259,20 @@ def _device(
     elif orientations is not None:
         source, time = orientations, orientations.time
         found = Found({"quaternion": list(Q)})
-        notes.append(f"{name}: without Inertial.csv there is no acceleration and no rate: NaN")
+        findings.append(finding("derived.missing_file", name, file="Inertial.csv"))
     else:
         raise tables["magnetometer"].problem(
             "a magnetometer alone tells no motion; give Inertial.csv of the same folder, too"
         )
-    if "inertial" in tables and others:
-        notes.append(f"{name}: messages of other rates are interpolated to the times of Inertial")
+    if "inertial" in tables:
+        main = tables["inertial"].file.name
+        for quantity, other in interpolated.items():
+            file = other.file.name
+            findings.append(
+                finding("structure.at_times_of", name, quantity=quantity, file=file, main=main)
+            )
     layout = Layout("x-io x-IMU3", {"acc": "g", "gyr": "deg/s"}, time, "us", earth="NWU")
-    return table_sensor(source, found, layout, name, options, notes)
+    return table_sensor(source, found, layout, name, options, findings)
 
 
 def _inertial(table: TextTable, found: Found) -> Found:
@@ -279,7 +286,9 @@ def _inertial(table: TextTable, found: Found) -> Found:
     return found
 
 
-def _field_unit(table: TextTable, titles: list[str], name: str, notes: list[str]) -> str:
+def _field_unit(
+    table: TextTable, titles: list[str], name: str, options: Options, findings: list[Finding]
+) -> str:
     """The unit of the magnetometer; the maker's arbitrary one by the size of the field."""
     stated = re.search(r"\((.*)\)", titles[0])
     unit = stated.group(1) if stated else "a.u."
@@ -288,16 +297,16 @@ def _field_unit(table: TextTable, titles: list[str], name: str, notes: list[str]
     rows = first_rows(table, dict.fromkeys(titles, "float"))
     norms = rotation.lengths(np.column_stack([rows[title] for title in titles]))
     known = norms[np.isfinite(norms)]
-    normalised = not len(known) or float(np.median(known)) <= LARGEST_NORMALISED
-    notes.append(
-        f"{name}: the field is in arbitrary units, taken for "
-        f"{'the strength of the earth field' if normalised else 'uT'}; only its direction is sure"
-    )
-    return "au" if normalised else "uT"
+    strength = float(np.median(known)) if len(known) else 0.0
+    if strength <= LARGEST_NORMALISED:
+        return "au"
+    if not options.answered("mag"):
+        findings.append(finding("unit.field_size", name, strength=strength))
+    return "uT"
 
 
 def _orientations(
-    name: str, tables: dict[str, TextTable], times: dict[str, str], notes: list[str]
+    name: str, tables: dict[str, TextTable], times: dict[str, str], findings: list[Finding]
 ) -> Orientations | None:
     """The orientation by the best of the files that hold one."""
     forms = {
@@ -311,8 +320,16 @@ def _orientations(
     if not own:
         return None
     if own[1:]:
-        others = ", ".join(tables[kind].file.name for kind in own[1:])
-        notes.append(f"{name}: the orientation is that of {tables[own[0]].file.name}, not {others}")
+        taken, *others = (tables[kind].file.name for kind in own)
+        findings.append(
+            finding(
+                "structure.one_of_several",
+                name,
+                quantity="orientation",
+                taken=taken,
+                others=others,
+            )
+        )
     quantity, convert = forms[own[0]]
     table = tables[own[0]]
     return Orientations(table, times[own[0]], _columns(table, quantity) or [], convert)

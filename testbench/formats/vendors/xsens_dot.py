@@ -16,13 +16,14 @@ from typing import cast
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.assumed import assumed_units, derived_quantities
 from testbench.formats.common_clock import common_clock
 from testbench.formats.dates import Recorded, earliest, recorded
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.stamps import Asking, Stamps, rate_differs, read_stamps
-from testbench.formats.suitable import suitable_analysis
+from testbench.formats.suitable import suited_recording
 from testbench.formats.tables.samples_stream import (
     Quantities,
     SampleStream,
@@ -58,6 +59,7 @@ WRAP = 1 << 32
 LOOK = 12
 """Rows at the beginning among which a stale first one is looked for."""
 RATE_WITHIN = 0.03
+_UNITS = {"acc": "m/s^2", "gyr": "deg/s", "mag": "au"}
 
 
 @dataclass
@@ -70,7 +72,7 @@ class DotFile:
     drop: int
     first_tick: int
     tick_ns: int
-    notes: list[str]
+    findings: list[Finding]
     stamps: Stamps
 
 
@@ -95,22 +97,19 @@ def read(files: list[Path], options: Options) -> Recording:
     synced = len(dots) > 1 and all(
         dot.header.get("SyncStatus", "").lower() == "synced" for dot in dots
     )
-    notes: list[str] = []
+    findings: list[Finding] = []
     ahead = [(dot.first_tick - dots[0].first_tick + WRAP // 2) % WRAP - WRAP // 2 for dot in dots]
     sensors = {}
     for name, dot, lead in zip(names, dots, ahead, strict=True):
         begun = dot.first_tick - (lead - min(ahead) if synced else 0)
         sensors[name] = _sensor(dot, begun * dot.tick_ns, options)
-        notes += [f"{name}: {note}" for note in dot.notes]
-    heads = [head for head in (sensor.head() for sensor in sensors.values()) if head is not None]
+        findings += [found.at(name) for found in dot.findings]
     tag = sensor_name(stem_without_stamp(files[0].stem)) if len(files) == 1 else "xsens_dot"
-    return Recording(
+    return suited_recording(
         tag,
         "Xsens DOT recording exported by the vendor's app",
         sensors,
-        suitable_analysis(heads),
-        notes,
-        _clock([lead * dots[0].tick_ns for lead in ahead], synced),
+        [*_clock([lead * dots[0].tick_ns for lead in ahead], synced), *findings],
         recorded=_date(dots),
     )
 
@@ -167,21 +166,18 @@ def _open(file: Path, options: Options) -> DotFile:
     asking = Asking(f"{file}", answered, rate=options.rate_or(None))
     stamps = read_stamps(table, TIME, "us", asking, bits=32)
     stream = SampleStream(table, kinds, lambda columns: Quantities(None, None), stamps.timeline)
-    notes: list[str] = []
+    findings: list[Finding] = []
     rate = options.rate_or(None) or _rate(header, measured_rate(stream.first()), stamps.findings)
     drop = _stale_rows(head, kinds, rate)
     if drop:
-        notes.append(
-            f"dropped {drop} row{'s' if drop > 1 else ''} at the beginning: all zero, or left over "
-            "from an earlier measurement"
-        )
+        findings.append(finding("structure.stale_rows", count=drop))
     if drop >= len(ticks):
         raise table.problem("every sample is zero")
     left = sorted(set(table.names) - set(kinds) - {TIME, COUNTER, ""})
     if left:
-        notes.append(f"columns that were not read: {', '.join(left)}")
+        findings.append(finding("structure.columns_left", columns=left))
     tick_ns = round(SECONDS[unit] * NANOSECONDS)
-    return DotFile(table, header, rate, drop, int(ticks[drop]), tick_ns, notes, stamps)
+    return DotFile(table, header, rate, drop, int(ticks[drop]), tick_ns, findings, stamps)
 
 
 def _rate(header: dict[str, str], measured: float | None, findings: list[Finding]) -> float:
@@ -255,35 +251,14 @@ def _jumps(head: Columns) -> bool:
     return False
 
 
-def _note_sources(dot: DotFile, has: dict[str, bool], options: Options) -> None:
-    """Of what the quantities are made that the file does not hold as such."""
-    if not has["acc"] and has["dv"]:
-        dot.notes.append("specific force is the velocity increment over the output interval")
-    elif not has["acc"] and has["free"] and (has["quat"] or has["euler"]):
-        dot.notes.append(
-            "specific force is conj(q) (free acceleration + g), g = 9.80665 m/s^2 upwards: exact, "
-            "given the device's q"
-        )
-    if not has["gyr"]:
-        dot.notes.append(
-            "angular rate is the orientation increment over the output interval"
-            if has["dq"]
-            else "no angular rate: NaN"
-        )
-    if has["mag"] and not options.answered("mag"):
-        dot.notes.append(
-            "magnetic field: 1 a.u. of the file is taken for 40 uT; only its direction is exact"
-        )
-
-
 # One piece: each quantity has several sources in the file, and the first that is there is read.
 def _sensor(dot: DotFile, origin_ns: int, options: Options) -> ImportedSensor:
     kinds = _kinds(dot.table)
     has = {key: set(columns) <= set(kinds) for key, columns in SETS.items()}
     units = {
-        "acc": options.unit("acc", "m/s^2") if has["acc"] else None,
-        "gyr": options.unit("gyr", "deg/s") if has["gyr"] else None,
-        "mag": options.unit("mag", "au") if has["mag"] else None,
+        quantity: options.unit(quantity, stated)
+        for quantity, stated in _UNITS.items()
+        if has[quantity]
     }
     factors = {quantity: unit.factor for quantity, unit in units.items() if unit is not None}
 
@@ -304,7 +279,9 @@ def _sensor(dot: DotFile, origin_ns: int, options: Options) -> ImportedSensor:
             mag = stack(columns, SETS["mag"], factors["mag"])
         return Quantities(gyr, acc, mag, q, _saturated(columns))
 
-    _note_sources(dot, has, options)
+    dot.findings += assumed_units("", {q: u for q, u in _UNITS.items() if has[q]}, options)
+    free = has["free"] and (has["quat"] or has["euler"])
+    dot.findings += derived_quantities("", has | {"free": free})
     counter = COUNTER if COUNTER in dot.table.names else None
     stream = SampleStream(
         dot.table,

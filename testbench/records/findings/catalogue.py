@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from testbench.records.findings.finding import Finding, Severity, Value
+from testbench.records.findings.finding import Finding, Value
 from testbench.records.findings.words import (
     alignment,
     consistency,
+    derived,
     estimation,
     evaluation,
     general,
+    orientations,
     recording,
     samples,
     structure,
     time,
     tracking,
+    truth,
+    units,
 )
 from testbench.records.findings.words.template import Template
 
@@ -21,17 +25,20 @@ SUBJECTS: tuple[dict[str, Template], ...] = (
     general.TEMPLATES,
     alignment.TEMPLATES,
     consistency.TEMPLATES,
+    derived.TEMPLATES,
     estimation.TEMPLATES,
     evaluation.TEMPLATES,
+    orientations.TEMPLATES,
     recording.TEMPLATES,
     samples.TEMPLATES,
     structure.TEMPLATES,
     time.TEMPLATES,
     tracking.TEMPLATES,
+    truth.TEMPLATES,
+    units.TEMPLATES,
 )
 """The templates by subject, one module each."""
 TEMPLATES: dict[str, Template] = {code: own for part in SUBJECTS for code, own in part.items()}
-NOTED = "general.noted"
 
 
 def finding(code: str, where: str = "", **values: Value) -> Finding:
@@ -54,14 +61,3 @@ def finding(code: str, where: str = "", **values: Value) -> Finding:
     sentence = " - ".join(part for part in parts if part)
     remedy = template.remedy.format(**shown)
     return Finding(code, template.severity, where, sentence, dict(values), remedy)
-
-
-def noted(text: str, where: str = "", severity: Severity = Severity.NOTE) -> Finding:
-    """A finding in words of a session that was written before there were codes.
-
-    Args:
-        text: The sentence.
-        where: What it speaks of.
-        severity: How much it weighs.
-    """
-    return Finding(NOTED, severity, where, text)

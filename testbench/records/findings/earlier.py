@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from testbench.records.findings.catalogue import NOTED
 from testbench.records.findings.finding import Severity
+
+NOTED = "general.noted"
+"""Code of a sentence that was written before there were codes."""
 
 
 def sentences_to_findings(data: dict[str, Any], key: str) -> None:

@@ -1,4 +1,4 @@
-"""Findings on a session as a whole."""
+"""Sentences of sessions that were written before findings had codes."""
 
 from __future__ import annotations
 

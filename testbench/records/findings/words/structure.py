@@ -6,9 +6,6 @@ from testbench.records.findings.words.template import NOTE, WARNING, Template
 
 TEMPLATES = {
     "structure.mapping": Template(NOTE, "mapping: {file}: {description}"),
-    "structure.unit_told": Template(
-        NOTE, "{quantity} is taken for {unit}, by {evidence}", "", "state it: {answer}"
-    ),
     "structure.interpolated": Template(
         NOTE,
         "its {quantity} stands in {file} at {rate_hz:.4g} Hz, with times of its own",
@@ -52,4 +49,44 @@ TEMPLATES = {
         "segments and joints of the mapping ({names}) are kept in the session",
         "angles of joints without an arm are not computed yet",
     ),
+    "structure.at_times_of": Template(
+        NOTE,
+        "its {quantity} stands in {file}, with times of its own",
+        "it is interpolated to the times of {main}",
+    ),
+    "structure.side_by_side": Template(
+        NOTE,
+        "{first} and {second} have no times in common",
+        "their rows are taken to be simultaneous",
+        "give both with their times",
+    ),
+    "structure.one_of_several": Template(
+        NOTE,
+        "its {quantity} is there more than once",
+        "{taken} is read, and not {others}",
+        "a mapping of the generic format reads another one",
+    ),
+    "structure.columns_left": Template(
+        NOTE,
+        "columns that were not read: {columns}",
+        "",
+        "a mapping of the generic format reads them",
+    ),
+    "structure.files_left": Template(NOTE, "left out, as they hold no motion: {files}"),
+    "structure.stale_rows": Template(
+        NOTE,
+        "{count} rows at the beginning are all zero, or left over from an earlier measurement",
+        "they are left out",
+    ),
+    "structure.struct": Template(NOTE, "it is the struct {struct} of the file"),
+    "structure.topic": Template(NOTE, "it is the topic {topic}"),
+    "structure.field_topic": Template(NOTE, "its magnetic field is the topic {topic}"),
+    "structure.empty_topic": Template(WARNING, "the topic {topic} is empty", "it is left out"),
+    "structure.pair": Template(
+        NOTE,
+        "{acc} is read as the accelerometer, {gyr} as the gyroscope",
+        "",
+        "name the files in the other order if that is wrong",
+    ),
+    "structure.axes": Template(NOTE, "axes of every sensor: {axes}", "as --axes states"),
 }

@@ -89,6 +89,45 @@ TEMPLATES = {
         "that is taken for a change to or from daylight saving time, and the time goes on",
         "if the recording really paused for an hour, cut the file there",
     ),
+    "time.by_column": Template(NOTE, "its times are those of the column {column}"),
+    "time.by_counter": Template(
+        NOTE,
+        "its times are made by the counter {column}",
+        "at {rate_hz:g} Hz, by {who}",
+        "--rate HZ states another rate",
+    ),
+    "time.by_rows": Template(
+        NOTE,
+        "the file holds no times",
+        "they are made by the rows, at {rate_hz:g} Hz, by {who}",
+        "--rate HZ states another rate",
+    ),
+    "time.of_recorder": Template(
+        NOTE,
+        "the headers of its messages have no stamps",
+        "its times are those at which the messages were recorded",
+        "--rate HZ spaces the samples by a rate of your own",
+    ),
+    "time.spread": Template(
+        NOTE,
+        "its stamps tell whole {unit} only",
+        "the samples are spread evenly over these, at {rate_hz:.6g} Hz, which the stamps tell to "
+        "{within_hz:.2g} Hz",
+        "--rate HZ states another rate",
+    ),
+    "time.nominal": Template(
+        NOTE,
+        "its stamps tell whole {unit} only, and are too few to tell the rate",
+        "the samples are spread evenly over these, at the nominal {rate_hz:.6g} Hz",
+        "--rate HZ states another rate",
+    ),
+    "date.unknown": Template(
+        NOTE,
+        "the date of the recording is unknown",
+        "of several stored calibrations none can be chosen as the nearest in time, and one made "
+        "from it bears the date of the import",
+        "state it with --recorded-at 2021-08-20",
+    ),
     "clock.common": Template(
         NOTE,
         "{sensors} sensors share one clock, {clock}",

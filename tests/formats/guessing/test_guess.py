@@ -14,8 +14,8 @@ import pytest
 from testbench.cli import main
 from testbench.exceptions import InputError
 from testbench.formats import import_recording
+from testbench.formats.guessing.titles import read_title
 from testbench.formats.options import Options
-from testbench.formats.titles import read_title
 from testbench.pipeline.bring_in import guess_mapping
 from tests.formats.foreign_arrays import mat_with_objects
 

@@ -1,0 +1,83 @@
+"""Which formats read files, and a mapping of them to begin with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from testbench.exceptions import BenchError, FileProblems, InputError
+from testbench.formats import FORMATS
+from testbench.formats.any_table import kind_of
+from testbench.formats.guessing.proposed import proposed_mapping
+from testbench.formats.names import sensor_name, stem_without_stamp
+from testbench.formats.options import Options
+from testbench.formats.signatures import likely_format
+
+
+@dataclass
+class Guess:
+    """What files seem to be.
+
+    Attributes:
+        formats: Those that read the files, each with what it found or asks.
+        mapping: Of the generic format; None where no columns were recognised.
+        seen: What the mapping rests on, a sentence each.
+    """
+
+    formats: dict[str, str]
+    mapping: dict[str, Any] | None
+    seen: list[str]
+
+
+def guess(files: Sequence[Path]) -> Guess:
+    """Look into files.
+
+    Args:
+        files: Of one recording.
+
+    Raises:
+        InputError: Nothing fits; says what was seen.
+    """
+    for file in files:
+        kind_of(file)  # refuses what is not there
+    formats = {
+        name: found
+        for name in FORMATS
+        if name != "generic" and (found := _tried(name, list(files))) is not None
+    }
+    likely = likely_format(files[0])
+    if likely in formats:
+        formats = {likely: formats[likely]} | formats
+    said: list[str] = []
+    try:
+        mapping, why = proposed_mapping(files, said), None
+    except BenchError as error:
+        mapping, why = None, str(error)
+    if mapping is None and not formats:
+        listing = ", ".join(file.name for file in files)
+        raise InputError(f"{why}; no format reads {listing} (`testbench formats` lists them)")
+    if mapping is None and why:
+        said.append(f"no mapping: {why}")
+    return Guess(formats, mapping, said)
+
+
+def _tried(name: str, files: list[Path]) -> str | None:
+    """What a format finds in the files, or asks; None where they are none of its own."""
+    try:
+        recording = FORMATS[name].read(files, Options())
+        counts = [f"{key} at {sensor.rate:g} Hz" for key, sensor in recording.sensors.items()]
+        if any(sensor.head() is None for sensor in recording.sensors.values()):
+            return None
+    except FileProblems:
+        return None
+    except BenchError as error:
+        asks = "--unit" in str(error) or "--rate" in str(error)
+        return f"it asks: {error}" if asks else None
+    return ", ".join(counts)
+
+
+def default_name(files: Sequence[Path]) -> str:
+    """Name of a file for the mapping."""
+    return f"{sensor_name(stem_without_stamp(files[0].stem))}_mapping.yaml"

@@ -1,0 +1,174 @@
+"""The mapping that fits what was seen in files, and what it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from testbench.consistency.evidence import Evidence
+from testbench.formats.guessing.seen import Quantity, Seen, look, path_of
+from testbench.formats.guessing.told import (
+    Time,
+    by_values,
+    evidence_in,
+    evidence_of_pair,
+    orientation_told,
+    stated_rate,
+    time_of,
+    unit_told,
+)
+from testbench.formats.names import unique_names
+
+
+def proposed_mapping(files: Sequence[Path], said: list[str]) -> dict[str, Any]:
+    """A mapping of the files.
+
+    Args:
+        files: Of one recording.
+        said: What the mapping rests on; is added to.
+
+    Raises:
+        BenchError: No quantity of a sensor is recognised.
+    """
+    looked = [_looked_into(file) for file in files]
+    first = looked[0]
+    whole = [seen for seen in looked if _is_whole(seen)]
+    if len(files) > 1 and not whole:
+        return _of_one_file_each(looked, said)
+    if not first.sensors:
+        raise first.table.problem(
+            "no accelerometer, gyroscope or quaternion is recognised among its columns: "
+            f"{', '.join(first.table.names[:40]) or 'none'}; name them in a mapping"
+        )
+    for other in looked[1:]:
+        if other.table.names != first.table.names:
+            raise other.table.problem(
+                f"has other columns than {first.table.file.name}; guess file by file"
+            )
+    return _of_one_file(first, said)
+
+
+def _looked_into(file: Path) -> Seen:
+    """A file, its quantities told by titles, else by numbers."""
+    seen = look(file)
+    if not seen.sensors:
+        seen.sensors = by_values(seen)
+    return seen
+
+
+def _is_whole(seen: Seen) -> bool:
+    """Whether a file has a sensor that can be used by itself."""
+    return any({"acc", "gyr"} <= set(q) or "quaternion" in q for q in seen.sensors.values())
+
+
+def _of_one_file(seen: Seen, said: list[str]) -> dict[str, Any]:
+    """A mapping of a file with one or more sensors."""
+    sensors: dict[str, Any] = {}
+    owners = list(seen.sensors)
+    labels = unique_names(owner.rpartition("/")[2] or "imu" for owner in owners)
+    times: dict[tuple[str, str], Time | None] = {}
+    for label, (owner, quantities) in zip(labels, seen.sensors.items(), strict=True):
+        for kind, quantity in quantities.items():
+            length = len(seen.values[quantity.names[0]])
+            times[label, kind] = time_of(seen, _near(seen, owner, length))
+        sensors[label] = _sensor(
+            seen, quantities, times[label, next(iter(quantities))], label, said
+        )
+    result: dict[str, Any] = {"description": f"guessed from {seen.table.file.name}"}
+    text = seen.layout.model_dump(exclude_defaults=True)
+    result |= {"text": text} if text else {}
+    common = next(iter(times.values()))
+    if common is not None:
+        result["time"] = {"column": common.column, "unit": common.unit}
+        _say_time(common, seen.table.file.name, said)
+    elif (rate := stated_rate(seen.table)) is not None:
+        result["rate_hz"] = rate[1]
+        said.append(f"{seen.table.file.name}: no times; {rate[0]} states {rate[1]:g} Hz")
+    else:
+        said.append(f"{seen.table.file.name}: no times are recognised; state --rate HZ")
+    for (label, kind), own in times.items():
+        if own is not None and common is not None and own.column != common.column:
+            sensors[label][kind]["time"] = {"column": own.column, "unit": own.unit}
+    return result | {"sensors": sensors}
+
+
+def _near(seen: Seen, owner: str, length: int) -> list[str]:
+    """Columns as long as a sensor's, those of its own group first."""
+    fitting = [name for name, values in seen.values.items() if len(values) == length]
+    return sorted(fitting, key=lambda name: path_of(seen.table, name)[0] != owner)
+
+
+def _of_one_file_each(looked: list[Seen], said: list[str]) -> dict[str, Any]:
+    """A mapping of files with one quantity each.
+
+    Raises:
+        BenchError: Two files have the same one, or a file has none, or no times.
+    """
+    parts: dict[str, Any] = {}
+    times = []
+    acc = next((seen for seen in looked if "acc" in next(iter(seen.sensors.values()), {})), None)
+    for seen in looked:
+        quantities = next(iter(seen.sensors.values()), {})
+        time = time_of(seen, list(seen.values))
+        if len(quantities) != 1 or next(iter(quantities)) in parts or time is None:
+            raise seen.table.problem(
+                "is neither a sensor nor one quantity, with times, of a sensor whose others stand "
+                f"in the other files; its columns are {', '.join(seen.table.names[:40])}"
+            )
+        ((kind, found),) = quantities.items()
+        evidence = (
+            evidence_of_pair(seen, found, time, acc) if kind == "gyr" and acc is not None else None
+        )
+        own = _sensor(seen, quantities, time, "imu", said, evidence)
+        parts[kind] = {"file": seen.table.file.name, **own[kind]}
+        times.append(time)
+        _say_time(time, seen.table.file.name, said)
+    if acc is None and "quaternion" not in parts and "gyr" not in parts:
+        raise looked[0].table.problem("none of the files holds an accelerometer or gyroscope")
+    first = {"column": times[0].column, "unit": times[0].unit}
+    for part, time in zip(parts.values(), times, strict=True):
+        if (own_time := {"column": time.column, "unit": time.unit}) != first:
+            part["time"] = own_time
+    text = looked[0].layout.model_dump(exclude_defaults=True)
+    names = ", ".join(seen.table.file.name for seen in looked)
+    result: dict[str, Any] = {"description": f"guessed from {names}"}
+    result |= {"text": text} if text else {}
+    return result | {"time": first, "sensors": {"imu": parts}}
+
+
+def _say_time(time: Time, file: str, said: list[str]) -> None:
+    rate = f", {time.rate:.4g} Hz" if time.rate else ""
+    said.append(f"{file}: times in column {time.column}, in {time.unit}{rate}")
+
+
+def _sensor(
+    seen: Seen,
+    quantities: dict[str, Quantity],
+    time: Time | None,
+    label: str,
+    said: list[str],
+    evidence: Evidence | None = None,
+) -> dict[str, Any]:
+    """The part of a mapping for one sensor."""
+    rate = time.rate if time is not None and time.rate else 100.0
+    acc, gyr = quantities.get("acc"), quantities.get("gyr")
+    if evidence is None and acc is not None:
+        evidence = evidence_in(seen, acc.names, gyr.names if gyr else None, rate)
+    parts: dict[str, Any] = {}
+    for kind in ("acc", "gyr", "mag", "quaternion"):
+        if kind not in quantities:
+            continue
+        found = quantities[kind]
+        where: dict[str, Any] = {"columns": found.columns}
+        if found.array is not None:
+            where = {"array": found.array}
+        shown = found.array or ", ".join(map(str, found.columns))
+        if kind == "quaternion":
+            parts[kind] = where | orientation_told(seen, found, acc)
+            said.append(f"{label}: quaternion in {shown}")
+            continue
+        unit, why = unit_told(kind, found, seen, evidence)
+        parts[kind] = where | ({"unit": unit} if unit else {})
+        said.append(f"{label}: {kind} in {shown}, {f'in {unit} ({why})' if unit else why}")
+    return parts

@@ -1,0 +1,1 @@
+"""Sensors as a mapping describes them: from files and columns to samples and truth."""

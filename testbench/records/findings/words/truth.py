@@ -1,0 +1,67 @@
+"""Findings on the truth that comes with a recording: poses, orientations, dwells, gaps."""
+
+from __future__ import annotations
+
+from testbench.records.findings.words.template import NOTE, WARNING, Template
+
+TEMPLATES = {
+    "truth.joint_poses": Template(
+        NOTE,
+        "the truth is {poses} joint poses of {robot}, of {file}",
+    ),
+    "truth.joint_degrees": Template(
+        NOTE,
+        "the joint angles of the truth state no unit and go up to {largest:.4g}",
+        "they are taken for degrees: in radians they would be several turns",
+        "--joint-unit rad says otherwise",
+    ),
+    "truth.joint_lists": Template(
+        NOTE,
+        "{file} is lists of numbers",
+        "the first {joints} numbers of each line are the joints",
+        "titles (time_s,J1,J2,...) say otherwise",
+    ),
+    "truth.no_titles": Template(
+        NOTE,
+        "{file} has no titles",
+        "the first {joints} numbers of each line are the joints, {further} more are left out",
+        "titles (time_s,J1,J2,...) say otherwise",
+    ),
+    "truth.dwells": Template(
+        NOTE,
+        "{dwells} dwells found in the samples, {length_s:.2f} s long on average",
+        "the poses of the truth were held in these",
+        "--move S states the time from pose to pose instead",
+    ),
+    "truth.orientations": Template(
+        NOTE,
+        "the truth is {count} orientations, of {file}",
+        "they are taken for q_world_from_body, w first",
+        "`truth` in a mapping of the generic format states another order or direction",
+    ),
+    "truth.tracked": Template(
+        NOTE,
+        "the truth is {frames} frames of {system}, the first at host time {first_s:g} s",
+        "its world and the mounting are aligned by the motion",
+        "--truth-offset S shifts it, --mounting states the sensor in the body",
+    ),
+    "truth.of_ros": Template(
+        NOTE,
+        "its truth is {count} orientations of {what}",
+        "the mounting is aligned by the motion",
+        "--mounting states the sensor in the body",
+    ),
+    "truth.not_unit": Template(
+        WARNING, "{count} orientations of the truth are not of unit length", "they count as lost"
+    ),
+    "truth.signs": Template(
+        NOTE,
+        "the truth changed the sign of its quaternion {count} times",
+        "that is undone, as it is the same orientation",
+    ),
+    "truth.gaps": Template(
+        WARNING,
+        "the truth has {gaps} gaps, the longest of {longest_s:.2f} s",
+        "nothing is judged there",
+    ),
+}
