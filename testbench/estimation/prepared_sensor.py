@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from testbench.consistency import check_samples
 from testbench.estimation.alignment.axes import findings_on as axes_findings
 from testbench.estimation.alignment.axes import identify_axes
 from testbench.estimation.alignment.confused_sensors import in_place_of_comparison, name_confused
@@ -153,8 +152,7 @@ def prepare_sensor(
     static = resting[rows] & measured
     quality = access.quality(static).with_flags(motion.lost)
     quiet = static & ~quality.flagged
-    plain = [samples] if stored is None and access.every == 1 else recording.raw.batches()
-    findings = [*findings, *check_samples(plain), *quality.findings, *motion.findings]
+    findings = [*findings, *access.contradictions(), *quality.findings, *motion.findings]
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration, told = fit_sections(run, samples, time, quiet, truth)
