@@ -151,8 +151,8 @@ def _both_known(q: np.ndarray, q_true: np.ndarray) -> np.ndarray:
     """Where both of two orientations are known, shape (n,), bool.
 
     Args:
-        q: Shape (n, 4).
-        q_true: Shape (n, 4).
+        q: By a filter, shape (n, 4).
+        q_true: The truth, shape (n, 4).
     """
     return np.asarray(np.isfinite(q[:, 0]) & np.isfinite(q_true[:, 0]))
 

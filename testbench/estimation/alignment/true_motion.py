@@ -180,8 +180,8 @@ def rate_instants(samples: ImuSamples, clock: ClockFit, described: SensorRecord)
 
     Args:
         samples: Of the sensor.
-        clock: Of the sensor.
-        described: What is known of it.
+        clock: Against the host's.
+        described: What is known of the sensor.
     """
     late = round(rate_delay(samples, described) * NANOSECONDS)
     return clock.to_host(samples.device_time_ns) - late
