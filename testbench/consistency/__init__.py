@@ -27,10 +27,18 @@ class Consistency:
     def __init__(self) -> None:
         self._thinner = Thinner()
 
+    def look(self, chunk: ImuSamples) -> None:
+        """Take the next samples.
+
+        Args:
+            chunk: In the order of time, in the units of a session.
+        """
+        self._thinner.add(chunk)
+
     def watch(self, chunks: Iterable[ImuSamples]) -> Iterator[ImuSamples]:
         """The chunks as they are, each looked at before it goes on."""
         for chunk in chunks:
-            self._thinner.add(chunk)
+            self.look(chunk)
             yield chunk
 
     def findings(self) -> list[Finding]:

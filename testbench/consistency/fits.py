@@ -147,10 +147,10 @@ class Pair:
             bias: Taken off the rates first, shape (3,) [rad/s].
             maps: True rates are each of these times the rates read, shape (r, 3, 3).
         """
-        rates = self.gyr if bias is None else self.gyr - bias
         proper = np.linalg.det(maps) > 0
-        plain = sums(rates * scale, self.vectors, self.windows) if proper.any() else None
-        other = sums(rates * -scale, self.vectors, self.windows) if (~proper).any() else None
+        read = self.gyr, self.vectors, self.windows
+        plain = sums(*read, scale, bias) if proper.any() else None
+        other = sums(*read, -scale, bias) if (~proper).any() else None
         one = plain if plain is not None else other
         assert one is not None
         return read_as(one, other if other is not None else one, maps)

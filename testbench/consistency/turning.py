@@ -131,7 +131,13 @@ def find_windows(excerpt: Excerpt, vectors: np.ndarray, seconds: float, together
     return Windows(first[whole], size, seconds, together, independent)
 
 
-def sums(rates: np.ndarray, vectors: np.ndarray, windows: Windows) -> np.ndarray:
+def sums(
+    rates: np.ndarray,
+    vectors: np.ndarray,
+    windows: Windows,
+    scale: float = 1.0,
+    bias: np.ndarray | None = None,
+) -> np.ndarray:
     """Means over each block of R_ij v_k, R turning from the sensor to where it was at the beginning
     of the window.
 
@@ -139,6 +145,8 @@ def sums(rates: np.ndarray, vectors: np.ndarray, windows: Windows) -> np.ndarray
         rates: Shape (n, 3) [rad/s].
         vectors: Shape (n, 3).
         windows: To go over.
+        scale: Rates are taken so many times, negative for a gyroscope that mirrors.
+        bias: Taken off the rates first, shape (3,) [rad/s].
 
     Returns:
         Shape (w, BLOCKS, 3, 3, 3).
@@ -150,14 +158,17 @@ def sums(rates: np.ndarray, vectors: np.ndarray, windows: Windows) -> np.ndarray
         np.ascontiguousarray(vectors),
         used * windows.size,
         windows.size,
-        windows.seconds,
+        windows.seconds * scale,
+        np.zeros(3) if bias is None else np.asarray(bias, dtype=float),
     )
     return np.asarray(_joined(mixed, turned, rows.reshape(bins.shape), windows.together))
 
 
 @njit(cache=True)
-def _bins(rates, vectors, starts, size, seconds):  # type: ignore[no-untyped-def]
-    """Means of R_ij v_k over each bin, R from its first step, and R of the first step after it."""
+def _bins(rates, vectors, starts, size, seconds, bias):  # type: ignore[no-untyped-def]
+    """Means of R_ij v_k over each bin, R from its first step, and R of the first step after it; the
+    bias is taken off the rates, and a step is so many seconds, times the scale of the rates.
+    """
     mixed = np.zeros((len(starts), 3, 3, 3))
     turned = np.zeros((len(starts), 3, 3))
     r = np.eye(3)
@@ -172,9 +183,9 @@ def _bins(rates, vectors, starts, size, seconds):  # type: ignore[no-untyped-def
                     for j in range(3):
                         own[i, j, k] += r[i, j] * v
             after = min(row + 1, len(rates) - 1)
-            x = 0.5 * seconds * (rates[row, 0] + rates[after, 0])
-            y = 0.5 * seconds * (rates[row, 1] + rates[after, 1])
-            z = 0.5 * seconds * (rates[row, 2] + rates[after, 2])
+            x = seconds * (0.5 * (rates[row, 0] + rates[after, 0]) - bias[0])
+            y = seconds * (0.5 * (rates[row, 1] + rates[after, 1]) - bias[1])
+            z = seconds * (0.5 * (rates[row, 2] + rates[after, 2]) - bias[2])
             angle = np.sqrt(x * x + y * y + z * z)
             f = 0.5 if angle < 1e-9 else np.sin(0.5 * angle) / angle
             e, x, y, z = np.cos(0.5 * angle), f * x, f * y, f * z

@@ -86,6 +86,13 @@ class Summary(NamedTuple):
     p95_abs: float
 
 
+QUARTILES = [0.25, 0.5, 0.75]
+MOST_OF = 0.95
+"""Share of the magnitudes that `p95_abs` is not below."""
+MANY = 2_000
+"""Of so many values a few are selected faster than all are sorted."""
+
+
 def summarise(errors: np.ndarray) -> Summary:
     """Summary of errors.
 
@@ -106,21 +113,45 @@ def summarise_each(errors: np.ndarray, sizes: np.ndarray) -> list[Summary]:
         sizes: Errors in each set, none empty, shape (m,), summing to n.
     """
     errors = np.ascontiguousarray(errors, dtype=np.float64)
-    ordered = errors.copy()
     ends = np.cumsum(sizes)
-    for begin, end in zip(ends - sizes, ends, strict=True):
-        ordered[begin:end].sort()  # numpy sorts several times faster than compiled loops
-    found = _summaries(errors, ordered, ends)
+    ordered = _ordered(errors, sizes, QUARTILES), _ordered(np.abs(errors), sizes, [MOST_OF])
+    found = _summaries(errors, *ordered, ends)
     return [Summary(*row) for row in zip(sizes.tolist(), *found.T.tolist(), strict=True)]
 
 
+def _ordered(values: np.ndarray, sizes: np.ndarray, shares: list[float]) -> np.ndarray:
+    """A copy in which the values that quantiles are taken of stand where sorting puts them.
+
+    Numpy sorts several times faster than compiled loops do, and selects a few of many values in a
+    quarter of the time that sorting takes.
+
+    Args:
+        values: Of all sets, one after the other, shape (n,).
+        sizes: Values in each set, shape (m,).
+        shares: The quantiles.
+    """
+    ordered, begin = values.copy(), 0
+    for size in sizes.tolist():
+        own = ordered[begin : begin + size]
+        if size < MANY:
+            own.sort()
+        else:
+            low = [int(share * (size - 1)) for share in shares]
+            own.partition(sorted({*low, *(rank + 1 for rank in low)}))
+        begin += size
+    return ordered
+
+
 @njit(cache=True)
-def _summaries(errors: np.ndarray, ordered: np.ndarray, ends: np.ndarray) -> np.ndarray:
+def _summaries(
+    errors: np.ndarray, ordered: np.ndarray, magnitudes: np.ndarray, ends: np.ndarray
+) -> np.ndarray:
     """What follows the number in `Summary`, of each set of errors that ends there, shape (m, 8).
 
     Args:
         errors: Shape (n,).
-        ordered: The same, each set in increasing order, shape (n,).
+        ordered: The same as `_ordered` gives them, shape (n,).
+        magnitudes: Likewise their magnitudes, shape (n,).
         ends: Shape (m,).
     """
     result = np.empty((len(ends), 8))
@@ -129,19 +160,20 @@ def _summaries(errors: np.ndarray, ordered: np.ndarray, ends: np.ndarray) -> np.
         own, rising = errors[begin:end], ordered[begin:end]
         n = end - begin
         mean = own.mean()
-        square = spread = magnitude = 0.0
+        square = spread = magnitude = largest = 0.0
         for error in own:
             square += error * error
             spread += (error - mean) ** 2
             magnitude += abs(error)
+            largest = max(largest, abs(error))
         result[i, 0] = mean
         result[i, 1] = magnitude / n
         result[i, 2] = np.sqrt(spread / (n - 1)) if n > 1 else 0.0
         result[i, 3] = np.sqrt(square / n)
-        result[i, 4] = max(abs(rising[0]), abs(rising[-1]))
+        result[i, 4] = largest
         result[i, 5] = _quantile(rising, 0.5)
         result[i, 6] = _quantile(rising, 0.75) - _quantile(rising, 0.25)
-        result[i, 7] = _magnitude_quantile(rising, 0.95)
+        result[i, 7] = _quantile(magnitudes[begin:end], MOST_OF)
         begin = end
     return result
 
@@ -152,24 +184,6 @@ def _quantile(ordered: np.ndarray, share: float) -> float:
     low = int(place)
     high = min(low + 1, len(ordered) - 1)
     return ordered[low] + (place - low) * (ordered[high] - ordered[low])
-
-
-@njit(cache=True)
-def _magnitude_quantile(ordered: np.ndarray, share: float) -> float:
-    """The quantile of magnitudes: the largest of them stand at either end of the signed errors."""
-    first, last = 0, len(ordered) - 1
-    place = share * last
-    low = int(place)
-    below = above = max(abs(ordered[first]), abs(ordered[last]))
-    for _ in range(len(ordered) - low):  # down to the magnitude at the place `low`
-        above = below
-        if abs(ordered[first]) > abs(ordered[last]):
-            below = abs(ordered[first])
-            first += 1
-        else:
-            below = abs(ordered[last])
-            last -= 1
-    return below + (place - low) * (above - below)
 
 
 LEAST_SPREAD = np.radians(1.0)

@@ -145,7 +145,15 @@ def test_one_error_has_no_spread():
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=50))
 def test_a_summary_is_what_numpy_says(values):
-    errors = np.array(values)
+    as_numpy_says(np.array(values))
+
+
+@pytest.mark.parametrize("size", [1999, 2000, 2001, 2003])
+def test_a_summary_of_many_errors_is_what_numpy_says(size):
+    as_numpy_says(np.random.default_rng(size).standard_normal(size))
+
+
+def as_numpy_says(errors):
     found = summarise(errors)
     low, middle, high = np.quantile(errors, [0.25, 0.5, 0.75])
     wanted = {

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from testbench.estimation.alignment.truth_reading import confused, fit_rates, misread
+from testbench.estimation.alignment.truth_reading import fit_rates, misread
 from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.estimation.signals.truth_faults import find_faults, without_repetitions
 from testbench.frames import NANOSECONDS
@@ -27,8 +26,6 @@ FOREIGN = 0.5
 """A truth whose rates explain less of the variance than this is remarked on [1]."""
 ALIKE = 0.9
 """Magnitudes of rates that correlate by more are those of one motion [1]."""
-WELL = 0.95
-"""A truth that explains more is the sensor's own [1]."""
 NOT_IN_THE_WAY = {"clock.shifted", "clock.unfitted", "clock.as_stated"}
 """Findings on a clock by which the truth can still be compared."""
 
@@ -155,7 +152,7 @@ def _without_faults(
         faults = find_faults(samples, clock.to_host(samples.device_time_ns), motion.truth)
     if not faults.findings:
         return motion
-    fit = fit_rates(samples, _rate_instants(samples, clock, described), faults.truth)
+    fit = fit_rates(samples, rate_instants(samples, clock, described), faults.truth)
     if fit is not None and fit.magnitudes < ALIKE:
         return motion
     lost = {"the truth stands still": faults.frozen, "the truth has stepped": faults.stepped}
@@ -166,7 +163,7 @@ def _without_faults(
 def _doubt(samples: ImuSamples, motion: TrueMotion, described: SensorRecord) -> Finding | None:
     """Whether the truth, as it was read, is that of the sensor."""
     assert motion.truth is not None
-    read = _rate_instants(samples, motion.clock, described)
+    read = rate_instants(samples, motion.clock, described)
     fit = fit_rates(samples, read, motion.truth)
     if fit is None:
         return None
@@ -178,7 +175,14 @@ def _doubt(samples: ImuSamples, motion: TrueMotion, described: SensorRecord) -> 
     return finding("truth.foreign", percent=100 * max(fit.explained, 0.0))
 
 
-def _rate_instants(samples: ImuSamples, clock: ClockFit, described: SensorRecord) -> np.ndarray:
+def rate_instants(samples: ImuSamples, clock: ClockFit, described: SensorRecord) -> np.ndarray:
+    """Instants that a sensor's rates are of, on the host's clock, shape (n,), int64 [ns].
+
+    Args:
+        samples: Of the sensor.
+        clock: Against the host's.
+        described: What is known of the sensor.
+    """
     late = round(rate_delay(samples, described) * NANOSECONDS)
     return clock.to_host(samples.device_time_ns) - late
 
@@ -235,43 +239,3 @@ def _stands_still(truth: Truth) -> bool:
         return False
     turned = rotation.angle(rotation.multiply(rotation.conjugate(q[:1]), q))
     return float(turned.max()) < STILL
-
-
-def name_confused(
-    found: Mapping[str, TrueMotion],
-    samples: Mapping[str, ImuSamples],
-    described: Mapping[str, SensorRecord],
-    align: bool,
-) -> dict[str, Finding]:
-    """Sensors that moved as the truth of another says, by name.
-
-    Args:
-        found: Each sensor and its truth.
-        samples: Of each sensor.
-        described: What is known of each.
-        align: Whether clocks are to be fitted.
-    """
-    result = {}
-    for name, own in found.items():
-        if own.truth is None or own.unaligned.startswith("truth."):
-            continue
-        instants = _rate_instants(samples[name], own.clock, described[name])
-        fit = None
-        if own.unaligned not in ("clock.no_common_motion", "clock.no_overlap"):
-            fit = fit_rates(samples[name], instants, own.truth)
-            if fit is None or fit.explained > WELL:
-                continue
-        others = {}
-        for other, motion in found.items():
-            if other != name and motion.truth is not None:
-                times = None
-                if align:
-                    clock = sensor_clock(samples[name], motion.truth, described[name], align)
-                    if clock.method == "arrival":
-                        continue
-                    times = _rate_instants(samples[name], clock, described[name])
-                others[other] = motion.truth, times
-        wrong = confused(samples[name], instants, fit, others)
-        if wrong is not None:
-            result[name] = wrong
-    return result

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.consistency import Consistency
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
 from testbench.estimation.signals.doubtful import BIT, CLIPPED_RATE, Belief, Gates, without
@@ -31,6 +32,7 @@ from testbench.estimation.signals.uniform import MOST_FILLING, bridges_of, fill_
 from testbench.frames import NANOSECONDS
 from testbench.model.windows import moving_mean
 from testbench.records.disk.pieces import overlapping
+from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import ClockFit, TimingAudit
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.sensor_file import SensorFile
@@ -88,6 +90,13 @@ class SampleAccess(ABC):
     samples: ImuSamples
     measured: np.ndarray
     every: int
+    _consistency: Consistency
+
+    def contradictions(self) -> list[Finding]:
+        """What the quantities say of one another, as they were read: no stored calibration is in
+        them, and no sample that a gate refuses.
+        """
+        return self._consistency.findings()
 
     @abstractmethod
     def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
@@ -133,7 +142,10 @@ class WholeRecording(SampleAccess):
         self._flags = inspection.flags(samples, doubts, slice(None))
         self._findings, self._numbers = inspection.findings(), inspection.counts
         self.measured, self.every = _measured(self._gates, doubts.unknown), 1
-        self.samples = change(without(samples, doubts.unknown))
+        sound = without(samples, doubts.unknown)
+        self._consistency = Consistency()
+        self._consistency.look(sound)
+        self.samples = change(sound)
         self._given = change(without(samples, doubts.unknown, for_filters=True))
         self._regular: tuple[ClockFit, tuple[UniformSamples, np.ndarray]] | None = None
 
@@ -207,7 +219,7 @@ class PiecewiseRecording(SampleAccess):
         """Put all samples through the gates, and keep one of so many; a kept sample is flagged if
         any of those it stands for is.
         """
-        inspection = Inspection(self._gates)
+        inspection, self._consistency = Inspection(self._gates), Consistency()
         self._unknown = np.zeros(self._count, dtype=np.uint8)
         self._flags: dict[str, np.ndarray] = {}
         kept: list[ImuSamples] = []
@@ -222,7 +234,9 @@ class PiecewiseRecording(SampleAccess):
                 own_flags = self._flags.setdefault(reason, np.zeros(number, dtype=bool))
                 own_flags[rows[rows < number]] = True
             last = np.arange(self.every - 1 - done % self.every, count, self.every)
-            kept.append(_rows_of(without(piece, doubts.unknown), own.start + last))
+            sound = without(piece, doubts.unknown)
+            self._consistency.look(_rows_of(sound, own))
+            kept.append(_rows_of(sound, own.start + last))
             done += count
         self._findings, self._numbers = inspection.findings(), inspection.counts
         self.samples = self._change(_joined(kept))
@@ -337,7 +351,7 @@ def _interval(samples: ImuSamples) -> float:
     return float(np.nan_to_num(usual_interval(np.diff(samples.device_time_ns))))
 
 
-def _rows_of(samples: ImuSamples, rows: np.ndarray) -> ImuSamples:
+def _rows_of(samples: ImuSamples, rows: np.ndarray | slice) -> ImuSamples:
     columns = {key: column for key, column in vars(samples).items() if column is not None}
     return ImuSamples.from_groups({key: column[rows] for key, column in columns.items()})
 

@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.estimation.estimator import PreparedSensor, PreparedSession
+from testbench.estimation.estimator import PreparedSession
 from testbench.estimation.filters import (
     OrientationFilter,
     RecursiveFilter,
     UniformSamples,
     get_filter,
 )
+from testbench.estimation.prepared_sensor import PreparedSensor
 from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.objective import Objective
 from testbench.evaluation.orientation import sensor_errors

@@ -1,0 +1,71 @@
+"""Several sensors and their truths: one that moved as the truth of another says is not judged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from testbench.estimation.alignment.true_motion import TrueMotion, rate_instants, sensor_clock
+from testbench.estimation.alignment.truth_reading import confused, fit_rates
+from testbench.records.findings.finding import Finding
+from testbench.records.session.manifest import SensorRecord
+from testbench.records.session.samples import ImuSamples
+
+WELL = 0.95
+"""A truth that explains more is the sensor's own [1]."""
+BY_A_WRONG_TRUTH = {"clock.no_common_motion", "clock.periodic", "truth.foreign"}
+"""What is found where a sensor is compared with what another one went through."""
+
+
+def name_confused(
+    found: Mapping[str, TrueMotion],
+    samples: Mapping[str, ImuSamples],
+    described: Mapping[str, SensorRecord],
+    align: bool,
+) -> dict[str, Finding]:
+    """Sensors that moved as the truth of another says, by name.
+
+    Args:
+        found: Each sensor and its truth.
+        samples: Of each sensor.
+        described: What is known of each.
+        align: Whether clocks are to be fitted.
+    """
+    result = {}
+    for name, own in found.items():
+        if own.truth is None or own.unaligned.startswith("truth."):
+            continue
+        instants = rate_instants(samples[name], own.clock, described[name])
+        fit = None
+        if own.unaligned not in ("clock.no_common_motion", "clock.no_overlap"):
+            fit = fit_rates(samples[name], instants, own.truth)
+            if fit is None or fit.explained > WELL:
+                continue
+        others = {}
+        for other, motion in found.items():
+            if other != name and motion.truth is not None:
+                times = None
+                if align:
+                    clock = sensor_clock(samples[name], motion.truth, described[name], align)
+                    if clock.method == "arrival":
+                        continue
+                    times = rate_instants(samples[name], clock, described[name])
+                others[other] = motion.truth, times
+        wrong = confused(samples[name], instants, fit, others)
+        if wrong is not None:
+            result[name] = wrong
+    return result
+
+
+def in_place_of_comparison(findings: list[Finding], why: Finding) -> list[Finding]:
+    """Findings of a sensor whose truth is another's: what the comparison of both said gives way.
+
+    Args:
+        findings: So far.
+        why: Says whose truth it is.
+    """
+    kept = [
+        found
+        for found in findings
+        if found.code not in BY_A_WRONG_TRUTH and not found.code.startswith("axes.")
+    ]
+    return [*kept, why]

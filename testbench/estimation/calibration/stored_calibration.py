@@ -1,0 +1,91 @@
+"""Stored calibrations of a session's sensors: which is whose, what is said of it, what it does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from testbench.exceptions import InputError
+from testbench.model import rotation
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
+from testbench.records.results.calibration_file import SensorCalibration, find_calibration
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.session import Session
+
+
+@dataclass(frozen=True)
+class StoredCalibrations:
+    """The stored calibrations that correct the raw samples of a session.
+
+    Attributes:
+        session: The recording.
+        given: Each sensor takes its own that is nearest in time.
+    """
+
+    session: Session
+    given: list[SensorCalibration] = field(default_factory=list)
+
+    def check(self) -> None:
+        """Refuse calibrations of which not one is of a sensor of this session.
+
+        Raises:
+            InputError: Names whose calibrations there are, and the session's sensors.
+        """
+        if not self.given or any(self.of(name) for name in self.session.sensor_names):
+            return
+        whose = ", ".join(
+            sorted({f"'{c.sensor}'" + (f" ({c.device})" if c.device else "") for c in self.given})
+        )
+        names = ", ".join(self.session.sensor_names)
+        raise InputError(
+            f"{self.session.path}: none of its sensors ({names}) has a stored calibration; there "
+            f"are those of {whose}"
+        )
+
+    def of(self, sensor: str) -> SensorCalibration | None:
+        """That of a sensor, by name; None where there is none.
+
+        Raises:
+            InputError: Several fit, and without a date none is nearest.
+        """
+        tag = self.session.manifest.sensors[sensor].device_tag
+        return find_calibration(self.given, sensor, tag, self.session.recorded_at)
+
+    def findings(self, sensor: str) -> list[Finding]:
+        """What a reader must know of the correction of a sensor's raw samples."""
+        stored = self.of(sensor)
+        if stored is None:
+            return [finding("calibration.none_of_this_sensor")] if self.given else []
+        tag = self.session.manifest.sensors[sensor].device_tag
+        same = (
+            f"of the same device, {tag}"
+            if tag and stored.device == tag
+            else "matched by the sensor's name alone"
+        )
+        methods = ", ".join(
+            f"{triad} by {method}" for triad, method in stored.summary()["methods"].items()
+        )
+        origin = (
+            f"{stored.file}, " if stored.file else ""
+        ) + f"session {stored.session} of {stored.calibrated:%Y-%m-%d}"
+        dated = self.session.recorded_at is not None
+        code = "calibration.stored" if dated else "calibration.stored_undated"
+        return [finding(code, origin=origin, methods=methods, match=same)]
+
+
+def corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:
+    """What corrects raw samples by a stored calibration.
+
+    Args:
+        stored: Of the sensor.
+    """
+
+    def correct(samples: ImuSamples) -> ImuSamples:
+        gyr, acc, mag = stored.apply(samples.gyr, samples.acc, samples.mag, samples.temperature)
+        q = samples.device_q
+        if q is not None and stored.mounting is not None:
+            q = rotation.multiply(q, rotation.from_matrix(stored.mounting.R_believed_from_sensor.T))
+        return replace(samples, gyr=gyr, acc=acc, mag=mag, device_q=q)
+
+    return correct
