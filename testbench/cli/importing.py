@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from testbench.cli.options import JsonOption, complete_robot
+from testbench.cli.import_options import (
+    AxesOption,
+    CalibrationPosesOption,
+    DwellOption,
+    EncodingOption,
+    JointUnitOption,
+    LinkOption,
+    MappingOption,
+    MountingOption,
+    MoveOption,
+    RateOption,
+    RecordedAtOption,
+    RobotOption,
+    TruthClusterOption,
+    TruthOffsetOption,
+    TruthOption,
+    TruthRateOption,
+    TruthTimeUnitOption,
+    UnitOption,
+)
+from testbench.cli.options import JsonOption
 from testbench.cli.output import say, say_findings, say_json, say_table
 
 if TYPE_CHECKING:
     from testbench.records.session.session import Session
-
-TRUTH_PANEL = "Truth from a file of its own"
-OPEN_PANEL = "What the files leave open"
-
-
-class JointUnit(StrEnum):
-    """Unit of joint angles."""
-
-    deg = "deg"
-    rad = "rad"
 
 
 def _complete_format(incomplete: str) -> list[str]:
@@ -53,163 +62,24 @@ def import_files(
             "them), and write a mapping to begin with (to --out, else here).",
         ),
     ] = False,
-    mapping: Annotated[
-        str | None,
-        typer.Option(
-            "--mapping",
-            help="Mapping of the generic format: a YAML file, or one that ships.",
-            rich_help_panel=OPEN_PANEL,
-        ),
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(
-            "--rate",
-            metavar="HZ",
-            help="Sampling rate, where the files do not tell.",
-            rich_help_panel=OPEN_PANEL,
-        ),
-    ] = None,
-    unit: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--unit",
-            metavar="WHAT=UNIT",
-            help="acc=g, gyr=rad/s, mag=uT, time=ms: how to read it.",
-            rich_help_panel=OPEN_PANEL,
-        ),
-    ] = None,
-    axes: Annotated[
-        str | None,
-        typer.Option(
-            "--axes",
-            help="Sensor axes: a map that ships, or 'x: -z, y: -y, z: -x'.",
-            rich_help_panel=OPEN_PANEL,
-        ),
-    ] = None,
-    recorded_at: Annotated[
-        str | None,
-        typer.Option(
-            "--recorded-at",
-            metavar="ISO-DATE",
-            help="When it was recorded, e.g. 2021-08-20T20:21:13+08:00, where the files do not "
-            "say.",
-            rich_help_panel=OPEN_PANEL,
-        ),
-    ] = None,
-    encoding: Annotated[
-        str | None,
-        typer.Option(
-            "--encoding",
-            metavar="NAME",
-            help="Of text files: utf-8, utf-16, utf-16-le, utf-16-be, latin-1, cp1252.",
-            rich_help_panel=OPEN_PANEL,
-        ),
-    ] = None,
-    truth: Annotated[
-        Path | None,
-        typer.Option(
-            "--truth",
-            help="A robot's joint log or poses, orientations, markers or rigid bodies.",
-            rich_help_panel=TRUTH_PANEL,
-        ),
-    ] = None,
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot",
-            help="The arm whose log it is.",
-            rich_help_panel=TRUTH_PANEL,
-            autocompletion=complete_robot,
-        ),
-    ] = None,
-    link: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--link",
-            metavar="[SENSOR=]LINK",
-            help="Link of the arm that carries a sensor.",
-            rich_help_panel=TRUTH_PANEL,
-        ),
-    ] = None,
-    mounting: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--mounting",
-            metavar="[SENSOR=]MAP",
-            help="Sensor in the link, e.g. 'rotation_deg: {ZYX: [0, 90, 0]}, position_mm: [0, 0, "
-            "25]'.",
-            rich_help_panel=TRUTH_PANEL,
-        ),
-    ] = None,
-    dwell: Annotated[
-        float | None,
-        typer.Option(
-            "--dwell",
-            metavar="S",
-            help="How long each listed pose is held.",
-            rich_help_panel=TRUTH_PANEL,
-        ),
-    ] = None,
-    calibration_poses: Annotated[
-        int,
-        typer.Option(
-            "--calibration-poses",
-            metavar="N",
-            min=0,
-            rich_help_panel=TRUTH_PANEL,
-            help="The first N listed poses calibrate the sensors and are not judged.",
-        ),
-    ] = 0,
-    move: Annotated[
-        float | None,
-        typer.Option(
-            "--move",
-            metavar="S",
-            help="How long each move takes; else found in the samples.",
-            rich_help_panel=TRUTH_PANEL,
-        ),
-    ] = None,
-    truth_offset: Annotated[
-        float | None,
-        typer.Option(
-            "--truth-offset",
-            metavar="S",
-            help="Added to the truth's times; else found by the motion.",
-            rich_help_panel=TRUTH_PANEL,
-        ),
-    ] = None,
-    truth_rate: Annotated[
-        float | None,
-        typer.Option(
-            "--truth-rate",
-            metavar="HZ",
-            help="Rate of a log without times.",
-            rich_help_panel=TRUTH_PANEL,
-        ),
-    ] = None,
-    truth_time_unit: Annotated[
-        str | None,
-        typer.Option(
-            "--truth-time-unit",
-            metavar="UNIT",
-            help="Unit of its times: s, ms, us, ns, min, h, day.",
-            rich_help_panel=TRUTH_PANEL,
-        ),
-    ] = None,
-    joint_unit: Annotated[
-        JointUnit | None,
-        typer.Option("--joint-unit", help="Unit of its joint angles.", rich_help_panel=TRUTH_PANEL),
-    ] = None,
-    truth_cluster: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--truth-cluster",
-            metavar="SENSOR=M1,M2,M3",
-            help="Markers that carry a sensor, three or more; or SENSOR=BODY, a rigid body.",
-            rich_help_panel=TRUTH_PANEL,
-        ),
-    ] = None,
+    mapping: MappingOption = None,
+    rate: RateOption = None,
+    unit: UnitOption = None,
+    axes: AxesOption = None,
+    recorded_at: RecordedAtOption = None,
+    encoding: EncodingOption = None,
+    truth: TruthOption = None,
+    robot: RobotOption = None,
+    link: LinkOption = None,
+    mounting: MountingOption = None,
+    dwell: DwellOption = None,
+    calibration_poses: CalibrationPosesOption = 0,
+    move: MoveOption = None,
+    truth_offset: TruthOffsetOption = None,
+    truth_rate: TruthRateOption = None,
+    truth_time_unit: TruthTimeUnitOption = None,
+    joint_unit: JointUnitOption = None,
+    truth_cluster: TruthClusterOption = None,
     json: JsonOption = False,
 ) -> None:
     """Turn a foreign recording into a session."""

@@ -59,25 +59,15 @@ def told_unit(quantity: str, evidence: Evidence, sensor: str, answer: str) -> tu
     Raises:
         InputError: It cannot be told; asks the person, and says how to answer.
     """
-    unit = decide_unit(quantity, evidence, sensor, answer)
+    unit = _decide(quantity, evidence, sensor, answer)
     if quantity == "gyr":
         return unit, finding("unit.gyr_by_turns", sensor, unit=unit.name, answer=answer)
     norm = float(evidence.rest_norm or 0.0)
     return unit, finding("unit.acc_by_gravity", sensor, unit=unit.name, norm=norm, answer=answer)
 
 
-def decide_unit(quantity: str, evidence: Evidence, sensor: str, answer: str) -> Unit:
-    """The unit of numbers whose file states none.
-
-    Args:
-        quantity: "acc" or "gyr".
-        evidence: Of the numbers as they are.
-        sensor: Its name.
-        answer: How a person states the unit.
-
-    Raises:
-        InputError: It cannot be told; asks the person, and says how to answer.
-    """
+def _decide(quantity: str, evidence: Evidence, sensor: str, answer: str) -> Unit:
+    """The unit of numbers; raises where it cannot be told."""
     if evidence.time is not None:
         raise InputError(f"sensor '{sensor}': {evidence.time}")
     fitting = unit_that_fits(quantity, evidence)

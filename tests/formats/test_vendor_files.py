@@ -392,7 +392,7 @@ def test_two_ngimu_files_of_a_kind_in_one_folder_are_refused(table, xyz, motion,
     other = table(
         f"{sensors.parent.name}/more.csv", {"Time (s)": m.t} | xyz("Gyroscope {} (deg/s)", m.gyr)
     )
-    with pytest.raises(InputError, match="both the sensors of one device"):
+    with pytest.raises(InputError, match=r"both the sensors\.csv of one device"):
         load("ngimu", sensors, other)
 
 

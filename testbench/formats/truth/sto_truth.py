@@ -9,7 +9,7 @@ import numpy as np
 from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.source import Kind
 from testbench.formats.tables.sto_table import AXES, TIME, find_sto
-from testbench.formats.truth.tracked import Tracked, frame_times, quaternions, stamped
+from testbench.formats.truth.tracked import Tracked, quaternions, tracked_times
 
 
 def is_sto(lines: list[str]) -> bool:
@@ -33,12 +33,7 @@ def read_sto(file: Path, rate: float | None) -> Tracked:
     if not chunks:
         raise FileProblems(file, [Problem("there are no rows below the titles")])
     columns = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in kinds}
-    count = len(columns[TIME])
-    times = stamped(columns[TIME]) if rate is None else frame_times(count, rate)
-    if times is None:
-        raise FileProblems(
-            file, [Problem("its times do not increase; state the rate with --truth-rate HZ")]
-        )
+    times = tracked_times(file, len(columns[TIME]), columns[TIME], rate)
     bodies = {
         body: quaternions(np.column_stack([columns[f"{body}_{axis}"] for axis in AXES]))
         for body in table.bodies

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
-from testbench.exceptions import NotFoundError
+from testbench.exceptions import FileProblems, NotFoundError, Problem
 from testbench.frames import NANOSECONDS
 
 METRES = {
@@ -76,6 +77,39 @@ def stamped(seconds: np.ndarray) -> np.ndarray | None:
     if not np.isfinite(seconds).all() or np.any(np.diff(seconds) <= 0):
         return None
     return np.round((seconds - seconds[0]) * NANOSECONDS).astype(np.int64)
+
+
+def tracked_times(
+    file: Path,
+    count: int,
+    seconds: np.ndarray | None,
+    rate: float | None,
+    stated: float | None = None,
+) -> np.ndarray:
+    """Times of frames: at a person's rate, else as stamped, else at the rate of the file.
+
+    Args:
+        file: Of the frames.
+        count: Number of frames, n.
+        seconds: Their stamps, shape (n,) [s]; None where it has none.
+        rate: That a person states [Hz], or None.
+        stated: That the file states [Hz], or None.
+
+    Returns:
+        From the first frame on, shape (n,), int64 [ns].
+
+    Raises:
+        FileProblems: Nothing tells them.
+    """
+    if rate is not None:
+        return frame_times(count, rate)
+    times = None if seconds is None else stamped(seconds)
+    if times is not None:
+        return times
+    if stated is not None:
+        return frame_times(count, stated)
+    message = "its times do not increase, and it states no rate; state one with --truth-rate HZ"
+    raise FileProblems(file, [Problem(message)])
 
 
 def quaternions(values: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.text_table import BLANKS, guess_separator, head_of, split_line
 from testbench.formats.truth.number_rows import number_rows
-from testbench.formats.truth.tracked import METRES, Tracked, frame_times, points, stamped
+from testbench.formats.truth.tracked import METRES, Tracked, points, tracked_times
 
 
 def is_trc(lines: list[str]) -> bool:
@@ -54,12 +54,8 @@ def read_trc(file: Path, rate: float | None) -> Tracked:
     if len(cells) < 3 or not cells[1].lower().startswith("time") or not names:
         raise refuse("the titles must be Frame#, Time and the markers", titles + 1)
     rows = number_rows(file, titles + 3, separator, 2 + 3 * len(names))
-    stated = _number(header.get("DataRate")) if rate is None else rate
-    times = stamped(rows[:, 1]) if rate is None else None
-    if times is None:
-        if stated is None:
-            raise refuse("its times do not increase, and its rate is none; state it: --truth-rate")
-        times = frame_times(len(rows), stated)
+    stated = _number(header.get("DataRate"))
+    times = tracked_times(file, len(rows), rows[:, 1], rate, stated)
     return Tracked("TRC", times, points(np.array(rows[:, 2:]), names, METRES[unit]))
 
 

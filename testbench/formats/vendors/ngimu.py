@@ -16,6 +16,7 @@ from pathlib import Path
 
 from testbench.exceptions import InputError
 from testbench.formats.common_clock import share_clock
+from testbench.formats.device_folders import by_folder
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
@@ -29,6 +30,7 @@ from testbench.records.findings.finding import Finding
 
 _HEADER = re.compile(r"^\W*Time\b.*(Gyroscope|Accelerometer|\bW\b|Quaternion)", re.IGNORECASE)
 Q = ["W", "X", "Y", "Z"]
+_FILES = {"sensors": "sensors.csv", "quaternion": "quaternion.csv"}
 
 
 def read(files: list[Path], options: Options) -> Recording:
@@ -45,27 +47,15 @@ def read(files: list[Path], options: Options) -> Recording:
     """
     if not files:
         raise InputError("an NGIMU recording needs sensors.csv, quaternion.csv or both")
-    devices: dict[Path, dict[str, TextTable]] = {}
-    for file in files:
-        table, _ = find_table(
-            file,
-            _HEADER,
-            "an NGIMU CSV (its header has Time (s) and Gyroscope X (deg/s), or W, X, Y, Z)",
-            encoding=options.encoding_or(None),
-        )
-        kind = "quaternion" if set(Q) <= set(table.names) else "sensors"
-        tables = devices.setdefault(file.resolve().parent, {})
-        if kind in tables:
-            raise InputError(
-                f"{file} and {tables[kind].file} are both the {kind} of one device; put each "
-                "device in its own folder"
-            )
-        tables[kind] = table
+    what = "an NGIMU CSV (its header has Time (s) and Gyroscope X (deg/s), or W, X, Y, Z)"
+    encoding = options.encoding_or(None)
+    tables = (find_table(file, _HEADER, what, encoding=encoding)[0] for file in files)
+    devices = by_folder(tables, _kind, _FILES)
     names = unique_names(_device_name(tables, folder) for folder, tables in devices.items())
     findings: list[Finding] = []
     sensors = {}
-    for name, tables in zip(names, devices.values(), strict=True):
-        sensors[name] = _device(name, tables, options, findings)
+    for name, own in zip(names, devices.values(), strict=True):
+        sensors[name] = _device(name, own, options, findings)
     label = names[0] if len(names) == 1 else "ngimu"
     return suited_recording(
         sensor_name(label),
@@ -73,6 +63,10 @@ def read(files: list[Path], options: Options) -> Recording:
         sensors,
         [*share_clock(sensors, "the time that NGIMUs of one session write", ""), *findings],
     )
+
+
+def _kind(table: TextTable) -> str:
+    return "quaternion" if set(Q) <= set(table.names) else "sensors"
 
 
 def _device_name(tables: dict[str, TextTable], folder: Path) -> str:

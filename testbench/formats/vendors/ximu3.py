@@ -23,6 +23,7 @@ import numpy as np
 from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.common_clock import share_clock
 from testbench.formats.dates import Recorded, earliest, recorded
+from testbench.formats.device_folders import by_folder
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
@@ -117,23 +118,13 @@ def read(files: list[Path], options: Options) -> Recording:
         InputError: No files, or two of a kind for one device.
         FileProblems: A file is not of this format.
     """
-    devices: dict[Path, dict[str, TextTable]] = {}
     findings: list[Finding] = []
-    for file in _expanded(files, findings):
-        table, _ = find_table(
-            file,
-            _HEADER,
-            "an x-IMU3 CSV (its header begins with Timestamp (us))",
-            encoding=options.encoding_or(None),
-        )
-        kind = _kind(table)
-        tables = devices.setdefault(file.resolve().parent, {})
-        if kind in tables:
-            raise InputError(
-                f"{file} and {tables[kind].file} are both the {MESSAGES[kind]}.csv of one device; "
-                "put each device in its own folder"
-            )
-        tables[kind] = table
+    what = "an x-IMU3 CSV (its header begins with Timestamp (us))"
+    encoding = options.encoding_or(None)
+    paths = _expanded(files, findings)
+    opened = (find_table(path, _HEADER, what, encoding=encoding)[0] for path in paths)
+    called = {kind: f"{name}.csv" for kind, name in MESSAGES.items()}
+    devices = by_folder(opened, _kind, called)
     if not devices:
         raise InputError("an x-IMU3 recording needs Inertial.csv, or the folder that holds it")
     names = unique_names(_device_name(tables, folder) for folder, tables in devices.items())

@@ -18,14 +18,14 @@ from testbench.records.disk.tables import (
 from testbench.records.session.samples import TRUTH_Q, TRUTH_RATE, ImuSamples, Truth
 
 
-class SensorFile:
-    """Raw samples of a sensor: what algorithms get of a recording that may not fit in memory.
+class _StreamFile:
+    """A table of a sensor, which may not fit in memory.
 
     Args:
-        path: Its table.
+        path: Of it.
 
     Attributes:
-        count: Number of samples.
+        count: Number of rows.
         columns: Names of the columns.
 
     Raises:
@@ -35,6 +35,10 @@ class SensorFile:
     def __init__(self, path: Path):
         self._path = path
         self.count, self.columns = parquet_shape(path)
+
+
+class SensorFile(_StreamFile):
+    """Raw samples of a sensor: what algorithms get of a recording."""
 
     def read(self, begin: int = 0, end: int | None = None, every: int = 1) -> ImuSamples:
         """Samples in memory.
@@ -62,23 +66,8 @@ class SensorFile:
         return read_stacked(self._path, {name: name}, begin, end)[name]
 
 
-class TruthFile:
-    """What a sensor went through, which may not fit in memory either.
-
-    Args:
-        path: Its table.
-
-    Attributes:
-        count: Number of rows.
-        columns: Names of the columns.
-
-    Raises:
-        SessionError: The file is missing or damaged; so do all that read from it.
-    """
-
-    def __init__(self, path: Path):
-        self._path = path
-        self.count, self.columns = parquet_shape(path)
+class TruthFile(_StreamFile):
+    """What a sensor went through."""
 
     @property
     def is_long(self) -> bool:
