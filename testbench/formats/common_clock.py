@@ -31,8 +31,8 @@ def common_clock(clock: str, begins_ns: list[int]) -> Finding:
 
 def share_clock(
     sensors: dict[str, ImportedSensor],
-    clock: str | None,
-    why_not: str,
+    clock: str | None = None,
+    own: str = "clock.own",
     leads_ns: dict[str, int] | None = None,
 ) -> list[Finding]:
     """Let the host time of sensors begin with the first of them, if their clock is one.
@@ -40,7 +40,7 @@ def share_clock(
     Args:
         sensors: By name; their chunks are streams that were not yet turned.
         clock: Which one by what the format says, a phrase; None: one only if all are Unix times.
-        why_not: Why else it is not one.
+        own: Code of the finding where it is not one.
         leads_ns: First time of each sensor on that clock, where it is not that of its device time
             [ns].
 
@@ -51,22 +51,22 @@ def share_clock(
         return []
     unix = all(sensor.unix for sensor in sensors.values())
     if clock is None and not unix:
-        return [finding("clock.own", why=why_not)]
+        return [finding(own)]
     name = "Unix time" if unix else clock or ""
     streams = {key: s.chunks for key, s in sensors.items() if isinstance(s.chunks, SampleStream)}
-    own = {key: stream.first_time_ns() for key, stream in streams.items()}
-    begins = own if leads_ns is None else leads_ns
+    first = {key: stream.first_time_ns() for key, stream in streams.items()}
+    begins = first if leads_ns is None else leads_ns
     order = sorted(streams, key=lambda key: begins[key])
     ends = order[0]
     for key in order[1:]:
-        apart = _apart_ns(streams, own, begins, order[: order.index(key)], key)
+        apart = _apart_ns(streams, first, begins, order[: order.index(key)], key)
         if apart is not None and apart > OVERLAP_NS:
             seconds = apart / NANOSECONDS
             return [finding("clock.apart", clock=name, sensor=key, ended=ends, apart_s=seconds)]
         ends = key
     for key, stream in streams.items():
         later = begins[key] - begins[order[0]]
-        stream.origin_ns = own[key] - later
+        stream.origin_ns = first[key] - later
         truth = sensors[key].truth
         if truth is not None:  # it began with its sensor
             sensors[key].truth = replace(truth, host_time_ns=truth.host_time_ns + later)

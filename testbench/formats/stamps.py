@@ -137,29 +137,19 @@ def unix_unit(size: float) -> TimeUnit | None:
 
 
 def rate_differs(
-    stated: float, who: str, measured: float | None, stamps_win: bool, remedy: str = ""
+    stated: float, measured: float | None, code: str = "time.rate_differs"
 ) -> list[Finding]:
     """A finding where a stated rate is not that of the stamps.
 
     Args:
         stated: [Hz].
-        who: States it.
         measured: By the stamps, None where they tell none [Hz].
-        stamps_win: Whether the stamps are believed.
-        remedy: How to say otherwise.
+        code: Of the finding, by who states the rate: a person, who is believed, or the header or
+            mapping, which are not.
     """
     if measured is None or abs(measured / stated - 1) <= RATES_AGREE:
         return []
-    believed = "the stamps are believed" if stamps_win else f"{who} is believed"
-    found = finding(
-        "time.rate_differs",
-        measured_hz=measured,
-        who=who,
-        stated_hz=stated,
-        believed=believed,
-        remedy=remedy,
-    )
-    return [found]
+    return [finding(code, measured_hz=measured, stated_hz=stated)]
 
 
 def _first(

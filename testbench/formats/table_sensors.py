@@ -162,8 +162,7 @@ def asked_stamps(
     asking = Asking(f"{file_of(source)}sensor '{name}'", answered, rate=rate)
     stamps = read_stamps(source, column, stated, asking)
     if rate is not None:
-        leave = "leave --rate out to believe the stamps"
-        stamps.findings.extend(rate_differs(rate, "--rate", stamps.rate, False, leave))
+        stamps.findings.extend(rate_differs(rate, stamps.rate))
     return stamps
 
 

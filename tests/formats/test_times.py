@@ -182,7 +182,7 @@ def test_a_rate_in_a_mapping_that_the_stamps_deny_is_said_and_not_believed(board
     file, mapping = board(m, m.t)
     Path(mapping).write_text(Path(mapping).read_text() + "rate_hz: 50\n")
     session = load("generic", file, mapping=mapping)
-    assert codes(session) == ["time.rate_differs"]
+    assert codes(session) == ["time.mapping_rate_differs"]
     assert session.manifest.sensors["imu"].rate_hz == 100
 
 

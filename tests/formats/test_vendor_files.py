@@ -509,7 +509,7 @@ def test_mtw_ticks_that_deny_the_header_are_believed_and_both_rates_are_said(
     session = load("mtw", path)
     (sensor,) = session.manifest.sensors.values()
     assert sensor.rate_hz == 100
-    (found,) = (f for f in session.manifest.findings if f.code == "time.rate_differs")
+    (found,) = (f for f in session.manifest.findings if f.code == "time.header_rate_differs")
     assert found.values["stated_hz"] == 50 and found.values["measured_hz"] == pytest.approx(100)
 
 

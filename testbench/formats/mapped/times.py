@@ -81,12 +81,10 @@ def rate_findings(build: Build, time: TimeColumn | None, stamps: Stamps) -> list
     if time is None:
         return []
     if build.options.rate is not None:
-        leave = "leave --rate out to believe the stamps"
-        return rate_differs(build.options.rate, "--rate", stamps.rate, False, leave)
+        return rate_differs(build.options.rate, stamps.rate)
     if whole.rate_hz is None:
         return []
-    correct = "correct rate_hz or time.unit of the mapping, or state the rate with --rate HZ"
-    return rate_differs(whole.rate_hz, "rate_hz of the mapping", stamps.rate, True, correct)
+    return rate_differs(whole.rate_hz, stamps.rate, "time.mapping_rate_differs")
 
 
 def time_place(build: Build, quantity: str, placed: Placed) -> Place:

@@ -189,20 +189,18 @@ def _cluster(tracked: Tracked, sensor: str, marks: list[str]) -> ClusterFit:
 def _findings(fit: ClusterFit, sensor: str, marks: list[str], residual_mm: float) -> list[Finding]:
     """How well the markers keep together, and which frames they lost."""
     found = [finding("tracking.cluster", sensor, markers=marks, residual_mm=residual_mm)]
-    reasons = (
-        (fit.few, "with fewer than three markers"),
-        (fit.in_line, "with markers on one line"),
-        (fit.deformed, "with markers out of place"),
-    )
-    if sum(count for count, _ in reasons):
+    lost = fit.few + fit.in_line + fit.deformed
+    if lost:
         found.append(
             finding(
                 "tracking.lost",
                 sensor,
-                lost=sum(count for count, _ in reasons),
+                lost=lost,
                 frames=len(fit.residual_m),
                 markers=marks,
-                why=[f"{count} {why}" for count, why in reasons if count],
+                few=fit.few,
+                in_line=fit.in_line,
+                deformed=fit.deformed,
             )
         )
     return found

@@ -70,7 +70,7 @@ def read(files: list[Path], options: Options) -> Recording:
     ]
     if len({file for one in mapped.values() for file, _ in one.read}) > 1:
         sensors = {name: one.sensor for name, one in mapped.items()}
-        findings += share_clock(sensors, None, "their times are no Unix times")
+        findings += share_clock(sensors)
     if analysis.body is not None:
         named = [*(part.name for part in analysis.body.segments.values()), *analysis.body.joints]
         findings.append(finding("structure.body_kept", names=named))

@@ -53,8 +53,7 @@ def read(files: list[Path], options: Options) -> Recording:
         sensors[name], first = _sensor(name, file, options)
         dates.append(recorded(first, f"dateTime in {file.name}"))
     if len(files) > 1:
-        why = "each has a clock of its own, which its stamps tell to a second"
-        findings.append(finding("clock.own", why=why))
+        findings.append(finding("clock.seconds"))
     label = sensor_name(files[0].stem) if len(files) == 1 else "matrix"
     purpose = "MATRIX recording (accelerometer and gyroscope)"
     return suited_recording(

@@ -221,7 +221,7 @@ def _time(
     stamps = _by_ticks(name, table, ticks, stated, options)
     if stamps is not None and (options.rate is None or counter is None):
         measured = round(stamps.rate or 0.0, 3)
-        denied = options.rate is None and bool(rate_differs(rate or measured, "", measured, True))
+        denied = options.rate is None and bool(rate_differs(rate or measured, measured))
         return (
             measured if denied else rate or measured,
             stamps,
@@ -257,12 +257,10 @@ def _by_ticks(
     if stamps.rate is None and options.rate is None:
         raise table.problem(f"{TICKS} stands still; state the sampling rate with --rate HZ")
     if options.rate is not None:
-        leave = "leave --rate out to believe the stamps"
-        more = rate_differs(options.rate, "--rate", stamps.rate, False, leave)
-    else:
-        how = "--rate HZ states the rate, --unit time=UNIT that of the stamps"
-        more = [] if stated is None else rate_differs(stated, "the header", stamps.rate, True, how)
-    stamps.findings.extend(more)
+        stamps.findings.extend(rate_differs(options.rate, stamps.rate))
+    elif stated is not None:
+        more = rate_differs(stated, stamps.rate, "time.header_rate_differs")
+        stamps.findings.extend(more)
     return stamps
 
 
@@ -279,8 +277,7 @@ def _clock(sensors: dict[str, ImportedSensor], tables: dict[str, TextTable]) -> 
     }
     rates = [sensor.rate for sensor in sensors.values()]
     if len(stems) > 1 or None in counters.values() or max(rates) > 1.01 * min(rates):
-        why = f"they are no recordings of one name with one rate, or lack {COUNTER}"
-        return share_clock(sensors, None, why)
+        return share_clock(sensors, None, "clock.stations")
     first = {
         key: int(first_rows(tables[key], {title: "integer"})[title][0])
         for key, title in counters.items()
@@ -289,4 +286,4 @@ def _clock(sensors: dict[str, ImportedSensor], tables: dict[str, TextTable]) -> 
     zero, span = next(iter(first.values())), 1 << 16
     leads = {key: (count - zero + span // 2) % span - span // 2 for key, count in first.items()}
     times = {key: round(lead * NANOSECONDS / rates[0]) for key, lead in leads.items()}
-    return share_clock(sensors, f"the {COUNTER} of one station", "", times)
+    return share_clock(sensors, f"the {COUNTER} of one station", leads_ns=times)

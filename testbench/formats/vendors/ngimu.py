@@ -61,7 +61,7 @@ def read(files: list[Path], options: Options) -> Recording:
         sensor_name(label),
         "NGIMU recording",
         sensors,
-        [*share_clock(sensors, "the time that NGIMUs of one session write", ""), *findings],
+        [*share_clock(sensors, "the time that NGIMUs of one session write"), *findings],
     )
 
 

@@ -65,11 +65,8 @@ def read(files: list[Path], options: Options) -> Recording:
         label,
         "Shimmer recording exported by Consensys",
         sensors,
-        [*share_clock(sensors, None, _UNSHARED), *findings],
+        [*share_clock(sensors, None, "clock.power_up"), *findings],
     )
-
-
-_UNSHARED = "a Timestamp counts since power-up, Timestamp_Unix does not"
 
 
 # One piece: titles and units of one header are sorted by device.

@@ -105,7 +105,7 @@ def read(files: list[Path], options: Options) -> Recording:
         result[name] = table_sensor(source, found, layout, name, options, findings)
     label = sensor_name(stem_without_stamp(files[0].stem)) if len(files) == 1 else "technaid"
     if len({part.table.file for part, _ in pairs}) > 1:
-        findings = [*share_clock(result, None, "their times are no Unix times"), *findings]
+        findings = [*share_clock(result), *findings]
     return suited_recording(label, "Technaid recording", result, findings)
 
 

@@ -136,7 +136,7 @@ def read(files: list[Path], options: Options) -> Recording:
         sensor_name(names[0] if len(names) == 1 else "ximu3"),
         "x-IMU3 recording",
         sensors,
-        [*share_clock(sensors, None, "their timestamps count since power-up"), *findings],
+        [*share_clock(sensors, None, "clock.power_up"), *findings],
         recorded=earliest(_command_date(folder) for folder in devices),
     )
 

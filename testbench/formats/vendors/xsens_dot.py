@@ -119,7 +119,7 @@ def _clock(ahead_ns: list[int], synced: bool) -> list[Finding]:
     if len(ahead_ns) < 2:
         return []
     if not synced:
-        return [finding("clock.own", why="their headers do not say Synced")]
+        return [finding("clock.unsynced")]
     return [common_clock("that of their synchronisation (the files say Synced)", ahead_ns)]
 
 
@@ -184,7 +184,7 @@ def _rate(header: dict[str, str], measured: float | None, findings: list[Finding
     found = re.match(r"\s*([0-9.]+)\s*Hz", header.get("OutputRate", ""))
     stated = float(found.group(1)) if found else None
     if stated and measured and abs(measured / stated - 1) > RATE_WITHIN:
-        findings += rate_differs(stated, "the header", measured, True, "--rate HZ states it")
+        findings += rate_differs(stated, measured, "time.header_rate_differs")
         return round(measured, 3)
     return stated or (round(measured, 3) if measured else 60.0)
 

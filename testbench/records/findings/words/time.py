@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from testbench.records.findings.words.template import NOTE, WARNING, Template
 
+_OWN_ZERO = "the host time of each sensor begins at 0 with its own first sample"
+_ONE_BY_ONE = "import them one by one if they must not be compared, or give them Unix times"
+
 TEMPLATES = {
     "time.epoch": Template(
         NOTE,
@@ -19,9 +22,21 @@ TEMPLATES = {
     ),
     "time.rate_differs": Template(
         WARNING,
-        "the time stamps say {measured_hz:.4g} Hz, {who} says {stated_hz:.4g} Hz",
-        "{believed}",
-        "{remedy}",
+        "the time stamps say {measured_hz:.4g} Hz, --rate says {stated_hz:.4g} Hz",
+        "--rate is believed",
+        "leave --rate out to believe the stamps",
+    ),
+    "time.header_rate_differs": Template(
+        WARNING,
+        "the time stamps say {measured_hz:.4g} Hz, the header says {stated_hz:.4g} Hz",
+        "the stamps are believed",
+        "--rate HZ states the rate, --unit time=UNIT the unit of the stamps",
+    ),
+    "time.mapping_rate_differs": Template(
+        WARNING,
+        "the time stamps say {measured_hz:.4g} Hz, rate_hz of the mapping says {stated_hz:.4g} Hz",
+        "the stamps are believed",
+        "correct rate_hz or time.unit of the mapping, or state the rate with --rate HZ",
     ),
     "time.by_rate": Template(
         NOTE,
@@ -136,9 +151,34 @@ TEMPLATES = {
     ),
     "clock.own": Template(
         WARNING,
-        "the clocks of the files have nothing in common that they state ({why})",
-        "the host time of each sensor begins at 0 with its own first sample",
-        "import them one by one if they must not be compared, or give them Unix times",
+        "the times of the files are no Unix times, and tell of no other clock that they share",
+        _OWN_ZERO,
+        _ONE_BY_ONE,
+    ),
+    "clock.power_up": Template(
+        WARNING,
+        "the times of the files count since each device was switched on",
+        _OWN_ZERO,
+        f"{_ONE_BY_ONE} (Timestamp_Unix of Shimmer)",
+    ),
+    "clock.seconds": Template(
+        WARNING,
+        "each device has a clock of its own, which its stamps tell to a second",
+        _OWN_ZERO,
+        "import them one by one if they must not be compared",
+    ),
+    "clock.unsynced": Template(
+        WARNING,
+        "the headers of the files do not say Synced",
+        _OWN_ZERO,
+        "import them one by one if they must not be compared, or synchronise the sensors in the "
+        "app before they record",
+    ),
+    "clock.stations": Template(
+        WARNING,
+        "the files are no recordings of one name with one rate, or lack PacketCounter",
+        _OWN_ZERO,
+        _ONE_BY_ONE,
     ),
     "clock.apart": Template(
         WARNING,

@@ -12,7 +12,9 @@ TEMPLATES = {
     ),
     "tracking.lost": Template(
         WARNING,
-        "{lost} of {frames} frames of the cluster {markers} give no orientation: {why}",
+        "{lost} of {frames} frames of the cluster {markers} give no orientation: {few} with fewer "
+        "than three markers, {in_line} with markers on one line, {deformed} with markers out of "
+        "place",
         "nothing is judged there",
         "label or fill them in the software of the cameras, or name further markers of the same "
         "body with --truth-cluster",
