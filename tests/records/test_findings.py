@@ -10,7 +10,8 @@ import pytest
 from testbench.records.findings.catalogue import SUBJECTS, TEMPLATES, finding
 from testbench.records.findings.earlier import sentences_to_findings
 from testbench.records.findings.finding import Severity, told_once
-from tests.house import files
+from testbench.records.findings.words import derived, orientations, truth, units
+from tests.house import ROOT, files
 
 
 def test_every_code_stands_once_and_names_its_subject() -> None:
@@ -63,3 +64,16 @@ def test_every_code_is_told_somewhere() -> None:
     # those of consistency are put together from the quantity and what is wrong with it
     whole = {code for code in TEMPLATES if not code.startswith("consistency.")}
     assert not [code for code in whole if f'"{code}"' not in source]
+
+
+def test_subjects_and_assumptions_stand_in_the_docs() -> None:
+    pages = {
+        name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+        for name in ("session_format", "formats")
+    }
+    findings = pages["session_format"].partition("\n## Findings")[2]
+    subjects = {code.partition(".")[0] for code in TEMPLATES}
+    assert not [subject for subject in subjects if f"`{subject}`" not in findings]
+    assumed = [derived, orientations, truth, units]
+    codes = [code for part in assumed for code in part.TEMPLATES]
+    assert not [code for code in codes if f"`{code}`" not in pages["formats"]]
