@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from testbench.estimation.chain.sensors import SensorArrays, read_sensor
-from testbench.estimation.chain.state import Process, drive, joint_motion, propagate
+from testbench.estimation.chain.sensors import SensorArrays, read_placement, read_sensor
+from testbench.estimation.chain.state import Process, carry, drive, joint_motion, propagate
 
 WIDE = 0.3
 """A joint whose standard deviation exceeds this part of its range is held by its limits though its
@@ -61,9 +61,41 @@ class ChainReadings(NamedTuple):
     variance: np.ndarray
 
 
+class PlacementEffect(NamedTuple):
+    """What p constants of placement, held at zero, would do to the filter: Friedland's separate
+    estimation of a bias (Treatment of bias in recursive filtering, IEEE Transactions on Automatic
+    Control 14, 1969, 359-367).
+
+    The filter knows nothing of them; its error is that of its own covariance plus `sensitivity`
+    times the constants, and its innovations tell of these by a regression.
+
+    Attributes:
+        sensitivity: Of the state's error to the constants, shape (n, p); updated.
+        information: What the innovations told of them, shape (p, p); added to.
+        score: The same times their most likely values, shape (p,); added to.
+        swing: Sum over samples of the outer product of each angle's sensitivity, shape (m, p, p);
+            added to.
+        covariance: Of the constants, which the standard deviations of the joints include, shape
+            (p, p); or empty, shape (0, 0).
+        lengths: Which constant the relative length before each joint is, -1 for none, shape (s, k).
+    """
+
+    sensitivity: np.ndarray
+    information: np.ndarray
+    score: np.ndarray
+    swing: np.ndarray
+    covariance: np.ndarray
+    lengths: np.ndarray
+
+
 @njit(cache=True)
 def filter_chain(
-    point: FilterPoint, process: Process, sensors: SensorArrays, readings: ChainReadings, keep: bool
+    point: FilterPoint,
+    process: Process,
+    sensors: SensorArrays,
+    readings: ChainReadings,
+    effect: PlacementEffect,
+    keep: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Run the filter.
 
@@ -72,6 +104,7 @@ def filter_chain(
         process: How the joints move.
         sensors: What sits on the chain.
         readings: What it read.
+        effect: What wrong placement would do; of no constants where it is not asked for.
         keep: Whether to keep the state and covariance of every sample.
 
     Returns:
@@ -98,11 +131,16 @@ def filter_chain(
     by = np.zeros((3, 6, m))
     predicted, h, Ph, dx = np.empty(6), np.empty(n), np.empty(n), np.empty(n)
     likelihood = np.zeros(e)
+    V, told, score, swing, covariance, lengths = effect
+    p = V.shape[1]
+    by_place, row, used = np.empty((6, 6 + columns.shape[1])), np.empty(p), np.empty(p)
     for i in range(e):
         dt = time[i] - now
         now = time[i]
         if dt > 0:
             propagate(x, P, m, harmonics, confined, dt)
+            if p > 0:
+                carry(x, V, m, harmonics, confined, dt)
             # the raised level holds while innovations are large, and then fades
             levels[3] = 1.0 if levels[2] > levels[0] else levels[3] * math.exp(-dt / levels[4])
             high[i] = levels[3]
@@ -110,6 +148,8 @@ def filter_chain(
         s = sensor[i]
         joint_motion(x, indices, harmonics, motion, slopes)
         read_sensor(sensors, s, motion, predicted, by)
+        if p > 0:
+            read_placement(sensors, s, motion, predicted, by_place)
         dx[:] = 0.0
         for r in range(6):
             # row of H: the reading by the motion of each joint, times that by the states
@@ -145,18 +185,41 @@ def filter_chain(
             nis[i] += innovation * innovation / S
             likelihood[i] -= 0.5 * (math.log(2 * math.pi * S) + innovation * innovation / S)
             take(dx, P, Ph, innovation / S, 1.0 / S)
+            if p > 0:
+                # d innovation / d constants: directly, and by the state's error
+                row[:] = 0.0
+                for t in range(6):
+                    row[6 * s + t] = by_place[r, t]
+                for k in range(counts[s]):
+                    if lengths[s, k] >= 0:
+                        row[lengths[s, k]] = by_place[r, 6 + k]
+                learn(V, told, score, h, Ph, row, innovation, S)
         for t in range(n):
             x[t] += dx[t]
         nis[i] /= 6
         # mean of the normalised innovation squared with a fading memory
         fade = math.exp(-dt / levels[1])
         levels[2] = fade * levels[2] + (1 - fade) * nis[i]
-        hold(x, P, process, motion, slopes, h, Ph)
+        hold(x, P, V, process, motion, slopes, h, Ph)
         joint_motion(x, indices, harmonics, motion, slopes)
         for order in range(3):
             for j in range(m):
                 means[i, order, j] = motion[order, j]
-                sds[i, order, j] = math.sqrt(max(spread(P, indices[j], slopes[order, j]), 0.0))
+                variance_of = spread(P, indices[j], slopes[order, j])
+                if p > 0 and (order == 0 or covariance.shape[0] > 0):
+                    row[:] = 0.0
+                    for t in range(indices.shape[1]):
+                        for c in range(p):
+                            row[c] += slopes[order, j, t] * V[indices[j, t], c]
+                    if order == 0:
+                        for t in range(p):
+                            for c in range(p):
+                                swing[j, t, c] += row[t] * row[c]
+                    if covariance.shape[0] > 0:
+                        times_gain(covariance, row, used)
+                        for c in range(p):
+                            variance_of += row[c] * used[c]
+                sds[i, order, j] = math.sqrt(max(variance_of, 0.0))
         if keep:
             states[i], covariances[i] = x, P
     return means, sds, nis, likelihood, high, states, covariances
@@ -199,6 +262,45 @@ def take(x: np.ndarray, P: np.ndarray, Ph: np.ndarray, step: float, shrink: floa
 
 
 @njit(cache=True)
+def learn(
+    V: np.ndarray,
+    told: np.ndarray,
+    score: np.ndarray,
+    h: np.ndarray,
+    Ph: np.ndarray,
+    row: np.ndarray,
+    innovation: float,
+    S: float,
+) -> None:
+    """What one innovation tells of the constants, and what its update leaves of their effect.
+
+    Args:
+        V: Sensitivity of the state's error, shape (n, p); updated.
+        told: Information, shape (p, p); added to.
+        score: Shape (p,); added to.
+        h: Row of H, shape (n,).
+        Ph: P times that before the update, shape (n,).
+        row: Derivative of the reading by the constants, shape (p,); ends as that of the innovation.
+        innovation: Of the reading.
+        S: Its variance.
+    """
+    n, p = V.shape
+    for t in range(n):
+        if h[t] != 0.0:
+            for c in range(p):
+                row[c] += h[t] * V[t, c]
+    for r in range(p):
+        weight = row[r] / S
+        score[r] += weight * innovation
+        for c in range(p):
+            told[r, c] += weight * row[c]
+    for t in range(n):
+        gain = Ph[t] / S
+        for c in range(p):
+            V[t, c] -= gain * row[c]
+
+
+@njit(cache=True)
 def spread(P: np.ndarray, index: np.ndarray, slope: np.ndarray) -> float:
     """Variance of a weighted sum of states.
 
@@ -219,6 +321,7 @@ def spread(P: np.ndarray, index: np.ndarray, slope: np.ndarray) -> float:
 def hold(
     x: np.ndarray,
     P: np.ndarray,
+    V: np.ndarray,
     process: Process,
     motion: np.ndarray,
     slopes: np.ndarray,
@@ -258,6 +361,14 @@ def hold(
         times_gain(P, h, Ph)
         shrink = (variance - left) / variance**2 if sd > WIDE * (high - low) else 0.0
         take(x, P, Ph, (shift - mean) / variance, shrink)
+        # the mean of what is left follows the mean by left / variance (d shift / d mean)
+        for c in range(V.shape[1]):
+            moved = 0.0
+            for t in range(indices.shape[1]):
+                moved += slopes[0, j, t] * V[indices[j, t], c]
+            moved *= (1.0 - left / variance) / variance
+            for t in range(V.shape[0]):
+                V[t, c] -= Ph[t] * moved
         joint_motion(x, indices, harmonics, motion, slopes)
 
 

@@ -6,7 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.estimation.chain.kernel import ChainReadings, FilterPoint, filter_chain
+from testbench.estimation.chain.kernel import (
+    ChainReadings,
+    FilterPoint,
+    PlacementEffect,
+    filter_chain,
+)
+from testbench.estimation.chain.placement import Constants, no_constants, no_effect
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
 from testbench.estimation.chain.start import start_state
@@ -89,6 +95,7 @@ class ChainMotion:
         covariance: Their covariances, shape (e, n, n); empty unless asked for.
         high: Part of the raised level of process noise that held before each sample, shape (e,).
         last: State and covariance of the filter after the last sample.
+        effect: Of constants of the placement, after the last sample.
     """
 
     time: np.ndarray
@@ -100,10 +107,14 @@ class ChainMotion:
     covariance: np.ndarray
     high: np.ndarray
     last: tuple[np.ndarray, np.ndarray]
+    effect: PlacementEffect
 
 
 def run_filter(
-    sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples, keep: bool = False
+    sensors: ChainSensors,
+    settings: FilterSettings,
+    samples: ChainSamples,
+    constants: Constants | None = None,
 ) -> ChainMotion:
     """Filter samples from the start state on.
 
@@ -111,11 +122,23 @@ def run_filter(
         sensors: The chain and what sits on it.
         settings: State, noise and start of the filter.
         samples: What the sensors read.
-        keep: Whether to keep states and covariances.
+        constants: Of the placement, whose effect is wanted.
     """
-    x, P = start_state(sensors, settings, samples.mean, samples.counts)
-    point = FilterPoint(x, P, settings.levels(), samples.start)
-    return continue_filter(sensors, settings, samples, point, keep)
+    point, effect = begin(sensors, settings, samples, constants)
+    return continue_filter(sensors, settings, samples, point, effect)
+
+
+def begin(
+    sensors: ChainSensors,
+    settings: FilterSettings,
+    samples: ChainSamples,
+    constants: Constants | None,
+) -> tuple[FilterPoint, PlacementEffect]:
+    """The filter at rest, and the effect of constants on it; arguments as for `run_filter`."""
+    constants = constants or no_constants(sensors)
+    start = start_state(sensors, settings, samples.mean, samples.counts, len(constants.sd))
+    point = FilterPoint(start.x, start.P, settings.levels(), samples.start)
+    return point, constants.at(start, len(sensors.joints))
 
 
 def continue_filter(
@@ -123,6 +146,7 @@ def continue_filter(
     settings: FilterSettings,
     samples: ChainSamples,
     point: FilterPoint,
+    effect: PlacementEffect | None = None,
     keep: bool = False,
 ) -> ChainMotion:
     """Filter samples from a state on.
@@ -132,17 +156,21 @@ def continue_filter(
         settings: State and noise of the filter.
         samples: What the sensors read.
         point: Where the filter stands; its arrays end as those after the last sample.
+        effect: Of constants of the placement, likewise; or None.
         keep: Whether to keep states and covariances.
     """
     variance = np.array([noise.variance for noise in settings.noise])[samples.sensor]
     readings = ChainReadings(
         samples.time, samples.sensor, samples.reading, samples.change, variance
     )
+    effect = effect or no_effect(sensors, len(point.x))
     mean, sd, nis, likelihood, high, states, covariances = filter_chain(
-        point, process_of(sensors, settings), sensors.arrays, readings, keep
+        point, process_of(sensors, settings), sensors.arrays, readings, effect, keep
     )
     last = point.x, point.P
-    return ChainMotion(samples.time, mean, sd, nis, likelihood, states, covariances, high, last)
+    return ChainMotion(
+        samples.time, mean, sd, nis, likelihood, states, covariances, high, last, effect
+    )
 
 
 def process_of(sensors: ChainSensors, settings: FilterSettings) -> Process:

@@ -11,6 +11,7 @@ from numba import njit
 
 from testbench.exceptions import InputError
 from testbench.model.chain import Chain, Tip
+from testbench.model.chain_placement import placement_slopes
 from testbench.model.chain_sensor import sensor_reading
 from testbench.model.kinematics import Kinematics, Pose
 
@@ -52,6 +53,30 @@ def read_sensor(
         reading: As for `sensor_reading`, shape (6,).
         slopes: As for `sensor_reading`, shape (3, 6, m).
     """
+    chain, tip = _carrying(sensors, s)
+    sensor_reading(chain, tip, sensors.gravity, motion, reading, slopes)
+
+
+@njit(cache=True)
+def read_placement(
+    sensors: SensorArrays, s: int, motion: np.ndarray, reading: np.ndarray, slopes: np.ndarray
+) -> None:
+    """Derivatives of an ideal reading of one sensor by its placement and the lengths before it.
+
+    Args:
+        sensors: All of them.
+        s: Which one.
+        motion: As for `placement_slopes`, shape (3, m).
+        reading: As for `placement_slopes`, shape (6,).
+        slopes: As for `placement_slopes`, shape (6, 6 + k) of the longest chain.
+    """
+    chain, tip = _carrying(sensors, s)
+    placement_slopes(chain, tip, motion, reading, slopes)
+
+
+@njit(cache=True, inline="always")
+def _carrying(sensors: SensorArrays, s: int) -> tuple[Chain, Tip]:
+    """The joints that carry a sensor, and its place in the frame of the last."""
     count = sensors.counts[s]
     chain = Chain(
         sensors.rotations[s, :count],
@@ -59,8 +84,7 @@ def read_sensor(
         sensors.axes[s, :count],
         sensors.columns[s, :count],
     )
-    tip = Tip(sensors.tip_rotations[s], sensors.tip_offsets[s])
-    sensor_reading(chain, tip, sensors.gravity, motion, reading, slopes)
+    return chain, Tip(sensors.tip_rotations[s], sensors.tip_offsets[s])
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,15 @@ import numpy as np
 from numba import njit
 
 from testbench.estimation.chain.kernel import FilterPoint
-from testbench.estimation.chain.run import ChainMotion, ChainSamples, continue_filter, process_of
+from testbench.estimation.chain.run import (
+    ChainMotion,
+    ChainSamples,
+    begin,
+    continue_filter,
+    process_of,
+)
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
-from testbench.estimation.chain.start import start_state
 from testbench.estimation.chain.state import Process, drive, joint_motion, propagate, transition
 
 KEPT_NUMBERS = 2e7
@@ -30,13 +35,13 @@ def run_smoother(
 
     Arguments and result are those of `run_filter`, without states and covariances.
     """
-    x, P = start_state(sensors, settings, samples.mean, samples.counts)
-    point = FilterPoint(x, P, settings.levels(), samples.start)
+    point, _ = begin(sensors, settings, samples, None)
+    x, P = point.x, point.P
     stride = max(int(KEPT_NUMBERS / len(x) ** 2), 1)
     marks, parts, motions = [], [], []
     samples = samples.rows(0, None)
-    for begin in range(0, len(samples.time), stride):
-        part = samples.rows(begin, begin + stride)
+    for first in range(0, len(samples.time), stride):
+        part = samples.rows(first, first + stride)
         marks.append(FilterPoint(x.copy(), P.copy(), point.levels.copy(), point.time))
         motions.append(continue_filter(sensors, settings, part, point))
         parts.append(part)
@@ -74,6 +79,7 @@ def run_smoother(
         none[:, :, None],
         high,
         (x, P),
+        motions[-1].effect,
     )
 
 
