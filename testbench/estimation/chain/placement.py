@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbench.estimation.chain.kernel import PlacementEffect
+from testbench.estimation.chain.effect import PlacementEffect
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.start import StartState
 from testbench.model import rotation
@@ -89,15 +89,6 @@ def no_constants(sensors: ChainSensors) -> Constants:
     return Constants(
         np.zeros(0), np.full(sensors.columns.shape, -1, dtype=np.int64), [], np.zeros((0, 0))
     )
-
-
-def no_effect(sensors: ChainSensors, n: int) -> PlacementEffect:
-    """Of no constants, on n states."""
-    none = no_constants(sensors)
-    start = StartState(
-        np.zeros(n), np.zeros((n, n)), np.zeros((n, 0)), np.zeros((0, 0)), np.zeros(0)
-    )
-    return none.at(start, len(sensors.joints))
 
 
 def moved(sensors: ChainSensors, constants: Constants, values: np.ndarray) -> ChainSensors:

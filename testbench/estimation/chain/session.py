@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from testbench.estimation.chain.period import base_frequency
+from testbench.estimation.chain.placement import Constants
+from testbench.estimation.chain.placement_check import (
+    PlacementCheck,
+    check_placement,
+    doubted,
+    placement_findings,
+)
+from testbench.estimation.chain.prefit import PlacementFit, fit_placement
 from testbench.estimation.chain.run import ChainMotion, ChainSamples, most_likely, run_filter
 from testbench.estimation.chain.sensors import ChainSensors, chain_sensors
 from testbench.estimation.chain.settings import (
@@ -25,7 +34,7 @@ from testbench.model import rotation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.disk.tables import read_parquet
 from testbench.records.findings.catalogue import finding
-from testbench.records.findings.finding import Finding
+from testbench.records.findings.finding import Finding, told_once
 from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.estimate import CalibrationFit, ClockFit, SensorEstimate
 from testbench.records.session.layout import PLAN
@@ -54,6 +63,13 @@ deviation [1]: the arm's own angles are good to 0.01 deg.
 CALIBRATED_BIAS_SD = 0.02
 """A calibration whose biases are less certain than this saw too few poses, and the data sheet is
 believed instead [m/s^2].
+"""
+FITTED_S = 30.0
+"""The placement is fitted to this much of a section's motion, from its beginning on [s]."""
+LOOSER = 2.0
+"""The placement is fitted with this times the most likely jerk [1]: limbs' jerk is not white, and
+innovations are then correlated. In gait, constants err by 1.3 to 2 times their standard deviations
+with the most likely one, and by 0.7 to 1.3 with twice that.
 """
 SEARCHED_S = 10.0
 """The process noise is sought over this much of a section, from the beginning of its motion and
@@ -111,11 +127,14 @@ def estimate_chain(
     for section in wanted.sections or list(dict.fromkeys(evaluated)):
         try:
             part = _Section(recording, sensors, names, wanted, section)
-            estimates += [part.estimate(state) for state in wanted.states]
+            for state in wanted.states:
+                estimated, told = part.estimate(state)
+                estimates.append(estimated)
+                findings += told
         except InputError as error:
             where = f"chain, section {section}"
             findings.append(finding("chain.not_estimated", where, why=str(error)))
-    return estimates, findings
+    return estimates, told_once(findings)
 
 
 class _Section:
@@ -172,40 +191,82 @@ class _Section:
             np.concatenate(readings)[order],
         )
 
-    def estimate(self, state: ChainState) -> ChainEstimate:
-        """By one state of the filter."""
+    def estimate(self, state: ChainState) -> tuple[ChainEstimate, list[Finding]]:
+        """By one state of the filter, and what is to be said of it."""
+        wanted, fit = self.wanted, self.placement
+        sensors = self.chain if fit is None else fit.sensors
+        constants = doubted(self.chain) if fit is None else fit.constants
+        settings, stated = self._settings(state), self._stated(state) is not None
+        if not stated:
+            settings = self._sought(sensors, settings)
+        run = run_smoother if wanted.smooth else run_filter
+        motion = run(sensors, settings, self.samples, constants)
+        check = check_placement(motion, constants)
+        record = self._record(state, settings, motion, check)
+        return record, placement_findings(record, check, fit)
+
+    @cached_property
+    def placement(self) -> PlacementFit | None:
+        """Where the sensors sit by their readings, or None where it is not asked for."""
+        asked = self.wanted.placement
+        if asked is None:
+            return None
+        constants = Constants.of(
+            self.chain,
+            np.radians(asked.rotation_sd_deg),
+            asked.position_sd_mm / 1000,
+            asked.length_sd_percent / 100,
+        )
+        # the kinematic state holds for any motion
+        settings = self._settings("kinematic")
+        if self.wanted.jerk_deg_s3_sqrthz is None:
+            settings = self._sought(self.chain, settings)
+        return fit_placement(
+            self.chain,
+            settings,
+            self.samples.until(self.begins_s - self.samples.start + FITTED_S),
+            constants,
+            lambda sensors: _looser(self._sought(sensors, settings)),
+        )
+
+    def _sought(self, sensors: ChainSensors, settings: FilterSettings) -> FilterSettings:
+        """With the process noise that the readings make most likely."""
+        since = self.begins_s + self.wanted.settling_s
+        part = self.samples.until(since - self.samples.start + SEARCHED_S)
+        return most_likely(sensors, settings, part, since)
+
+    def _stated(self, state: ChainState) -> float | None:
+        """The process noise that was stated for a state, if it was."""
+        fourier = state == "fourier"
+        return self.wanted.walk_deg_sqrts if fourier else self.wanted.jerk_deg_s3_sqrthz
+
+    def _settings(self, state: ChainState) -> FilterSettings:
+        """Of one state, with the process noise that was stated or one to begin the search with."""
         wanted = self.wanted
         fourier = state == "fourier"
         frequency = 1.0
         if fourier:
             frequency = wanted.frequency_hz or base_frequency(self.samples, self.begins_s)
-        given = wanted.walk_deg_sqrts if fourier else wanted.jerk_deg_s3_sqrthz
         reach = PART_OF_RANGE * np.ptp(self.chain.limits, axis=1)
-        settings = FilterSettings(
+        return FilterSettings(
             wanted.harmonics if fourier else 0,
             self.noise,
             self.start,
             float(np.radians(wanted.start_sd_deg)),
-            float(np.radians(given or 1.0)),
+            float(np.radians(self._stated(state) or 1.0)),
             biases=wanted.biases,
             scales=wanted.scales,
             amplitude=np.minimum(AMPLITUDE_SD, reach),
             frequency=frequency,
             limits=wanted.limits,
         )
-        if given is None:
-            since = self.begins_s + wanted.settling_s
-            settings = most_likely(
-                self.chain,
-                settings,
-                self.samples.until(since - self.samples.start + SEARCHED_S),
-                since,
-            )
-        motion = (run_smoother if wanted.smooth else run_filter)(self.chain, settings, self.samples)
-        return self._record(state, settings, motion)
 
     def _record(
-        self, state: ChainState, settings: FilterSettings, motion: ChainMotion
+        self,
+        state: ChainState,
+        settings: FilterSettings,
+        motion: ChainMotion,
+        check: PlacementCheck,
     ) -> ChainEstimate:
         own = self.samples.sensor == 0
         unit = "walk_deg_sqrts" if state == "fourier" else "jerk_deg_s3_sqrthz"
@@ -213,7 +274,10 @@ class _Section:
             unit: float(np.degrees(settings.process_noise)),
             "normalised_innovation_squared": float(motion.nis.mean()),
             "smoothed": self.wanted.smooth,
+            **check.facts(self.chain.joints),
         }
+        if self.placement is not None:
+            facts["placement"] = self.placement.facts()
         if state == "fourier":
             omega = motion_size(len(self.chain.joints), settings.harmonics) - 1
             facts["frequency_hz"] = float(motion.last[0][omega] / (2 * np.pi))
@@ -228,6 +292,11 @@ class _Section:
             mean=motion.mean[own],
             sd=motion.sd[own],
         )
+
+
+def _looser(settings: FilterSettings) -> FilterSettings:
+    """With more process noise than is most likely."""
+    return replace(settings, process_noise=LOOSER * settings.process_noise)
 
 
 def _rest(steps: list[PlannedStep], section: str) -> tuple[int, int, int, int]:

@@ -43,7 +43,7 @@ class RestPose(NamedTuple):
 
 
 class StartState(NamedTuple):
-    """Where the filter begins, and what wrong placement does to that (`kernel.PlacementEffect`).
+    """Where the filter begins, and what wrong placement does to that (`effect.PlacementEffect`).
 
     Attributes:
         x: State, shape (n,).

@@ -24,6 +24,29 @@ CHAIN_METRICS = {
 """Metrics of a joint of the arm, and of all joints together but for the signed mean."""
 
 
+class ChainPlacement(StrictModel):
+    """How well it is known where the sensors sit: what of it the readings tell is fitted."""
+
+    rotation_sd_deg: float = Field(
+        default=3.0,
+        gt=0,
+        le=30,
+        description="Standard deviation of each sensor's mounting about each axis [deg].",
+    )
+    position_sd_mm: float = Field(
+        default=10.0,
+        gt=0,
+        le=200,
+        description="Standard deviation of each sensor's place along each axis [mm].",
+    )
+    length_sd_percent: float = Field(
+        default=0.0,
+        ge=0,
+        le=30,
+        description="Standard deviation of each segment's length [%]; 0: as the model has them.",
+    )
+
+
 class ChainEstimation(StrictModel):
     """Joint angles of the arm from the rates and forces of several sensors together, by an extended
     Kalman filter.
@@ -93,6 +116,11 @@ class ChainEstimation(StrictModel):
     )
     limits: bool = Field(
         default=True, description="Whether the joint limits of the robot file hold the estimate."
+    )
+    placement: ChainPlacement | None = Field(
+        default=None,
+        description="Fit where the sensors sit, and how long the segments are, to their readings; "
+        "null: they are where they are stated to be.",
     )
     smooth: bool = Field(
         default=False,
