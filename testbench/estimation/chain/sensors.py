@@ -150,6 +150,7 @@ def chain_sensors(
     places: Mapping[str, tuple[str, Pose]],
     joints: list[str] | None,
     standing: np.ndarray,
+    lengths: np.ndarray | None = None,
 ) -> ChainSensors:
     """The sensors of a robot's chain.
 
@@ -159,13 +160,19 @@ def chain_sensors(
         joints: Those to estimate; all that carry a sensor if None.
         standing: Angles at which the other joints stand still, shape (n_joints,) in the robot's
             order [rad].
+        lengths: Of the offset before each joint in the robot's order, in multiples of what the
+            robot says, shape (n_joints,); None: as it says.
 
     Raises:
         InputError: A joint carries none of the sensors: nothing would be known of it.
     """
     # Longer than a screen: joints are chosen, folded and filled into arrays of one length.
     robot = kinematics.robot
-    chains = {name: kinematics.chain_to(link) for name, (link, _) in places.items()}
+    for link, _ in places.values():
+        kinematics.check_link(link)
+    chains = {
+        name: _scaled(kinematics.chain_to(link), lengths) for name, (link, _) in places.items()
+    }
     carrying = {
         robot.joint_names[column] for chain, _ in chains.values() for column in chain.columns
     }
@@ -212,6 +219,14 @@ def chain_sensors(
         robot.gravity,
         limits,
     )
+
+
+def _scaled(carried_by: tuple[Chain, Pose], lengths: np.ndarray | None) -> tuple[Chain, Pose]:
+    """A chain with offsets of other lengths; what lies beyond its last joint stays."""
+    chain, tip = carried_by
+    if lengths is None:
+        return carried_by
+    return chain._replace(offsets=chain.offsets * lengths[chain.columns][:, None]), tip
 
 
 def _fold(

@@ -77,7 +77,19 @@ TEMPLATES = {
         "median): they are often vertical",
     ),
     "chain.no_arm": Template(
-        WARNING, "the chain was not estimated: the recording has no arm and no plan"
+        WARNING,
+        "the chain was not estimated: the recording has no arm and no plan, and states no model "
+        "(estimate.chain.model: robot, and the link of each sensor)",
+    ),
+    "chain.start": Template(
+        NOTE,
+        "it starts from the rest from {from_s:.1f} to {to_s:.1f} s, taken for the start pose; "
+        "estimate.chain.model.rest_s names another",
+    ),
+    "chain.sheet_assumed": Template(
+        NOTE,
+        "no data sheet is named for {sensors}: what rest does not tell of their errors is taken "
+        "from that of {sheet}",
     ),
     "chain.lost": Template(
         WARNING,
