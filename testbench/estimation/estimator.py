@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from testbench.estimation.calibration.stored_calibration import StoredCalibrations
-from testbench.estimation.chain.session import ChainRecording, estimate_chain
+from testbench.estimation.chain.session import chain_of_session
 from testbench.estimation.filters import OrientationFilter
 from testbench.estimation.filters.tuned import Parameters, choose_tuned
 from testbench.estimation.joints.joints import estimate_joint
@@ -59,9 +59,7 @@ def estimate(
         for name, joint in session.analysis.joints.items()
     }
     chain, chain_findings = (
-        estimate_chain(ChainRecording.of(session, run), sensors, settings.chain)
-        if settings.chain is not None
-        else ([], [])
+        chain_of_session(session, run, sensors) if settings.chain is not None else ([], [])
     )
     used = {kind.name: kind.parameters for kind in chosen}
     given = {name: list(own) for name, own in (parameters or {}).items()}

@@ -80,6 +80,7 @@ class Recording:
             "gyr", "mag", "time"; None where nobody could be asked, so that nothing is refused.
         origin_ns: What the clock of the files said at host time zero, where a truth on the same
             clock may come from another file [ns].
+        texts: Files that the session keeps verbatim, by name.
     """
 
     name: str
@@ -91,6 +92,7 @@ class Recording:
     recorded: Recorded | None = None
     answered: frozenset[str] | None = None
     origin_ns: int | None = None
+    texts: dict[str, str] = field(default_factory=dict)
 
 
 # Long by its arguments, and by what is undone where an import is cut off.
@@ -140,6 +142,8 @@ def write_recording(
     findings = list(recording.findings)
     begin, end, counts = np.inf, -np.inf, {}
     try:
+        for name, text in recording.texts.items():
+            writer.add_text(name, text)
         for name, sensor in recording.sensors.items():
             consistency = Consistency()
             counts[name], first, last = _write_samples(

@@ -279,6 +279,11 @@ class Kinematics:
         columns = np.array([self._column[model.names[j]] for j in joints], dtype=np.int64)
         return Chain(rotations, offsets, axes, columns), tip
 
+    def offset_before(self, joint: str) -> float:
+        """How far a joint lies from the one before it [m]."""
+        placement = self.model.jointPlacements[self.model.getJointId(joint)]
+        return float(np.linalg.norm(placement.translation))
+
     def _axis(self, joint: int) -> np.ndarray:
         """Axis of a rotating joint in its own frame, shape (3,): angular part of its subspace."""
         data = self.model.createData()

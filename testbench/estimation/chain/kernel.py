@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from testbench.estimation.chain.sensors import SensorArrays, read_sensor
-from testbench.estimation.chain.state import Process, drive, joint_motion, propagate
+from testbench.estimation.chain.effect import PlacementEffect, add_effect, follow, learn
+from testbench.estimation.chain.sensors import SensorArrays, read_placement, read_sensor
+from testbench.estimation.chain.state import Process, carry, drive, joint_motion, propagate
 
 WIDE = 0.3
 """A joint whose standard deviation exceeds this part of its range is held by its limits though its
@@ -63,8 +64,22 @@ class ChainReadings(NamedTuple):
 
 @njit(cache=True)
 def filter_chain(
-    point: FilterPoint, process: Process, sensors: SensorArrays, readings: ChainReadings, keep: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    point: FilterPoint,
+    process: Process,
+    sensors: SensorArrays,
+    readings: ChainReadings,
+    effect: PlacementEffect,
+    keep: bool,
+) -> tuple[
+    np.ndarray,
+    np.ndarray,
+    np.ndarray,
+    np.ndarray,
+    np.ndarray,
+    np.ndarray,
+    np.ndarray,
+    np.ndarray,
+]:
     """Run the filter.
 
     Args:
@@ -72,24 +87,23 @@ def filter_chain(
         process: How the joints move.
         sensors: What sits on the chain.
         readings: What it read.
+        effect: What wrong placement would do; of no constants where it is not asked for.
         keep: Whether to keep the state and covariance of every sample.
 
     Returns:
         Joint angles, rates and accelerations after each sample, shape (e, 3, m), and their standard
         deviations; of each sample the normalised innovation squared (mean over its readings), the
-        logarithm of its likelihood, and the part of the raised level that held before it; states
-        and covariances, shapes (e, n) and (e, n, n), empty unless kept.
+        logarithm of its likelihood, and the part of the raised level that held before it; states,
+        covariances and sensitivities, shapes (e, n), (e, n, n) and (e, n, p), empty unless kept.
     """
-    # Longer than a screen and of many branches: prediction, and the update by six readings, whose
-    # rows of H are assembled where all that they depend on is at hand.
+    # Longer than a screen: prediction, and the update by six readings, whose rows of H are
+    # assembled where all that they depend on is at hand.
     x, P, levels, now = point
     harmonics, indices, _, confined, jerk, walk, raised = process
     time, sensor, reading, change, variance = readings
     counts, columns = sensors.counts, sensors.columns
     e, n, m = len(time), len(x), indices.shape[0]
     bias = m * (2 * harmonics + 1) + 1 if harmonics else 3 * m
-    clock = bias + 6 * len(counts)
-    scale = clock + len(counts)
     means, sds = np.empty((e, 3, m)), np.empty((e, 3, m))
     nis, high = np.zeros(e), np.zeros(e)
     states = np.empty((e if keep else 0, n))
@@ -98,11 +112,16 @@ def filter_chain(
     by = np.zeros((3, 6, m))
     predicted, h, Ph, dx = np.empty(6), np.empty(n), np.empty(n), np.empty(n)
     likelihood = np.zeros(e)
+    V, p = effect.sensitivity, effect.sensitivity.shape[1]
+    sensitivities = np.empty((e if keep else 0, n, p))
+    by_place, row, variances = np.empty((6, 6 + columns.shape[1])), np.empty(p), np.empty((3, m))
     for i in range(e):
         dt = time[i] - now
         now = time[i]
         if dt > 0:
             propagate(x, P, m, harmonics, confined, dt)
+            if p > 0:
+                carry(x, V, m, harmonics, confined, dt)
             # the raised level holds while innovations are large, and then fades
             levels[3] = 1.0 if levels[2] > levels[0] else levels[3] * math.exp(-dt / levels[4])
             high[i] = levels[3]
@@ -110,32 +129,13 @@ def filter_chain(
         s = sensor[i]
         joint_motion(x, indices, harmonics, motion, slopes)
         read_sensor(sensors, s, motion, predicted, by)
+        if p > 0:
+            read_placement(sensors, s, motion, predicted, by_place)
         dx[:] = 0.0
         for r in range(6):
-            # row of H: the reading by the motion of each joint, times that by the states
-            h[:] = 0.0
-            for k in range(counts[s]):
-                j = columns[s, k]
-                for t in range(indices.shape[1]):
-                    h[indices[j, t]] += (
-                        by[0, r, j] * slopes[0, j, t]
-                        + by[1, r, j] * slopes[1, j, t]
-                        + by[2, r, j] * slopes[2, j, t]
-                    )
+            by_motion(h, by[:, r], columns[s, : counts[s]], indices, slopes)
             innovation = reading[i, r] - predicted[r]
-            if n > bias:  # its bias, and what a late clock adds
-                h[bias + 6 * s + r] = 1.0
-                h[clock + s] = change[i, r]
-                innovation -= x[bias + 6 * s + r] + change[i, r] * x[clock + s]
-            if n > scale:
-                # scale and axes, the gyroscope's response to force, and nonlinearity
-                for t in range(3 if r >= 3 else 6):
-                    place = scale + 33 * s + (6 * r if r < 3 else 9 + 3 * r) + t
-                    h[place] = predicted[t if r < 3 else 3 + t]
-                    innovation -= x[place] * h[place]
-                place = scale + 33 * s + 27 + r
-                h[place] = predicted[r] ** 3
-                innovation -= x[place] * h[place]
+            innovation -= by_errors(x, h, s, r, bias, len(counts), change[i, r], predicted)
             # S = h' P h + R, and the innovation less what the readings before it have told
             times_gain(P, h, Ph)
             S = variance[i, r]
@@ -145,21 +145,90 @@ def filter_chain(
             nis[i] += innovation * innovation / S
             likelihood[i] -= 0.5 * (math.log(2 * math.pi * S) + innovation * innovation / S)
             take(dx, P, Ph, innovation / S, 1.0 / S)
+            if p > 0:  # what wrong placement does to this reading
+                learn(effect, s, by_place[r], h, Ph, innovation, S, row)
         for t in range(n):
             x[t] += dx[t]
         nis[i] /= 6
         # mean of the normalised innovation squared with a fading memory
         fade = math.exp(-dt / levels[1])
         levels[2] = fade * levels[2] + (1 - fade) * nis[i]
-        hold(x, P, process, motion, slopes, h, Ph)
+        hold(x, P, effect, process, motion, slopes, h, Ph)
         joint_motion(x, indices, harmonics, motion, slopes)
+        means[i] = motion
         for order in range(3):
             for j in range(m):
-                means[i, order, j] = motion[order, j]
-                sds[i, order, j] = math.sqrt(max(spread(P, indices[j], slopes[order, j]), 0.0))
+                variances[order, j] = spread(P, indices[j], slopes[order, j])
+        if p > 0:
+            add_effect(effect, indices, slopes, variances, row)
+        for order in range(3):
+            for j in range(m):
+                sds[i, order, j] = math.sqrt(max(variances[order, j], 0.0))
         if keep:
-            states[i], covariances[i] = x, P
-    return means, sds, nis, likelihood, high, states, covariances
+            states[i], covariances[i], sensitivities[i] = x, P, V
+    return means, sds, nis, likelihood, high, states, covariances, sensitivities
+
+
+@njit(cache=True)
+def by_motion(
+    h: np.ndarray, by: np.ndarray, columns: np.ndarray, indices: np.ndarray, slopes: np.ndarray
+) -> None:
+    """Begin a row of H: a reading by the motion of each joint, times that by the states.
+
+    Args:
+        h: Overwritten, shape (n,).
+        by: Derivatives of the reading by angles, rates and accelerations, shape (3, m).
+        columns: Joints that carry the sensor, shape (k,).
+        indices: States that each joint depends on, shape (m, l).
+        slopes: Derivatives of its motion by them, shape (3, m, l).
+    """
+    h[:] = 0.0
+    for j in columns:
+        for t in range(indices.shape[1]):
+            h[indices[j, t]] += (
+                by[0, j] * slopes[0, j, t] + by[1, j] * slopes[1, j, t] + by[2, j] * slopes[2, j, t]
+            )
+
+
+@njit(cache=True)
+def by_errors(
+    x: np.ndarray,
+    h: np.ndarray,
+    s: int,
+    r: int,
+    bias: int,
+    sensors: int,
+    change: float,
+    predicted: np.ndarray,
+) -> float:
+    """What a sensor's own errors add to a reading, and its derivatives by them.
+
+    Args:
+        x: State, shape (n,).
+        h: Row of H, whose elements of this sensor are filled in, shape (n,).
+        s: Which sensor.
+        r: Which of its readings.
+        bias: First state of errors; those that are left out begin at n.
+        sensors: How many there are.
+        change: Derivative of the reading by time.
+        predicted: Readings of the sensor without errors, shape (6,).
+    """
+    clock, n, added = bias + 6 * sensors, len(x), 0.0
+    scale = clock + sensors
+    if n > bias:  # its bias, and what a late clock adds
+        h[bias + 6 * s + r] = 1.0
+        h[clock + s] = change
+        added += x[bias + 6 * s + r] + change * x[clock + s]
+    if n > scale:
+        # scale and axes, the gyroscope's response to force, and nonlinearity
+        for t in range(3 if r >= 3 else 6):
+            place = scale + 33 * s + (6 * r if r < 3 else 9 + 3 * r) + t
+            h[place] = predicted[t if r < 3 else 3 + t]
+            added += x[place] * h[place]
+        place = scale + 33 * s + 27 + r
+        h[place] = predicted[r] ** 3
+        added += x[place] * h[place]
+    return added
 
 
 @njit(cache=True)
@@ -219,6 +288,7 @@ def spread(P: np.ndarray, index: np.ndarray, slope: np.ndarray) -> float:
 def hold(
     x: np.ndarray,
     P: np.ndarray,
+    effect: PlacementEffect,
     process: Process,
     motion: np.ndarray,
     slopes: np.ndarray,
@@ -235,6 +305,7 @@ def hold(
     Args:
         x: State, shape (n,); updated.
         P: Covariance, shape (n, n); updated.
+        effect: Of constants of placement; its sensitivity is updated.
         process: With the limits.
         motion: Filled with q, v and a, shape (3, m).
         slopes: Filled with their derivatives by the states, shape (3, m, k).
@@ -258,6 +329,8 @@ def hold(
         times_gain(P, h, Ph)
         shrink = (variance - left) / variance**2 if sd > WIDE * (high - low) else 0.0
         take(x, P, Ph, (shift - mean) / variance, shrink)
+        if effect.sensitivity.shape[1] > 0:
+            follow(effect, indices[j], slopes[0, j], Ph, (1.0 - left / variance) / variance)
         joint_motion(x, indices, harmonics, motion, slopes)
 
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from testbench.estimation.chain.effect import PlacementEffect, no_effect
 from testbench.estimation.chain.kernel import ChainReadings, FilterPoint, filter_chain
+from testbench.estimation.chain.placement import Constants, no_constants
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
 from testbench.estimation.chain.start import start_state
@@ -75,6 +78,20 @@ class ChainSamples:
         return self.rows(0, end)
 
 
+class Kept(NamedTuple):
+    """States after each of e samples.
+
+    Attributes:
+        state: Shape (e, n).
+        covariance: Shape (e, n, n).
+        sensitivity: To constants of the placement, shape (e, n, p).
+    """
+
+    state: np.ndarray
+    covariance: np.ndarray
+    sensitivity: np.ndarray
+
+
 @dataclass(frozen=True)
 class ChainMotion:
     """What the filter says after each sample.
@@ -85,10 +102,10 @@ class ChainMotion:
         sd: Their standard uncertainties, shape (e, 3, m).
         nis: Normalised innovation squared, mean over the readings of a sample, shape (e,).
         likelihood: Logarithm of that of each sample, shape (e,).
-        state: States after each sample, shape (e, n); empty unless asked for.
-        covariance: Their covariances, shape (e, n, n); empty unless asked for.
+        kept: States after each sample; empty unless asked for.
         high: Part of the raised level of process noise that held before each sample, shape (e,).
         last: State and covariance of the filter after the last sample.
+        effect: Of constants of the placement, after the last sample.
     """
 
     time: np.ndarray
@@ -96,14 +113,18 @@ class ChainMotion:
     sd: np.ndarray
     nis: np.ndarray
     likelihood: np.ndarray
-    state: np.ndarray
-    covariance: np.ndarray
+    kept: Kept
     high: np.ndarray
     last: tuple[np.ndarray, np.ndarray]
+    effect: PlacementEffect
 
 
 def run_filter(
-    sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples, keep: bool = False
+    sensors: ChainSensors,
+    settings: FilterSettings,
+    samples: ChainSamples,
+    constants: Constants | None = None,
+    keep: bool = False,
 ) -> ChainMotion:
     """Filter samples from the start state on.
 
@@ -111,11 +132,24 @@ def run_filter(
         sensors: The chain and what sits on it.
         settings: State, noise and start of the filter.
         samples: What the sensors read.
+        constants: Of the placement, whose effect is wanted.
         keep: Whether to keep states and covariances.
     """
-    x, P = start_state(sensors, settings, samples.mean, samples.counts)
-    point = FilterPoint(x, P, settings.levels(), samples.start)
-    return continue_filter(sensors, settings, samples, point, keep)
+    point, effect = begin(sensors, settings, samples, constants)
+    return continue_filter(sensors, settings, samples, point, effect, keep)
+
+
+def begin(
+    sensors: ChainSensors,
+    settings: FilterSettings,
+    samples: ChainSamples,
+    constants: Constants | None,
+) -> tuple[FilterPoint, PlacementEffect]:
+    """The filter at rest, and the effect of constants on it; arguments as for `run_filter`."""
+    constants = constants or no_constants(sensors)
+    start = start_state(sensors, settings, samples.mean, samples.counts, len(constants.sd))
+    point = FilterPoint(start.x, start.P, settings.levels(), samples.start)
+    return point, constants.at(start, len(sensors.joints))
 
 
 def continue_filter(
@@ -123,6 +157,7 @@ def continue_filter(
     settings: FilterSettings,
     samples: ChainSamples,
     point: FilterPoint,
+    effect: PlacementEffect | None = None,
     keep: bool = False,
 ) -> ChainMotion:
     """Filter samples from a state on.
@@ -132,17 +167,19 @@ def continue_filter(
         settings: State and noise of the filter.
         samples: What the sensors read.
         point: Where the filter stands; its arrays end as those after the last sample.
+        effect: Of constants of the placement, likewise; or None.
         keep: Whether to keep states and covariances.
     """
     variance = np.array([noise.variance for noise in settings.noise])[samples.sensor]
     readings = ChainReadings(
         samples.time, samples.sensor, samples.reading, samples.change, variance
     )
-    mean, sd, nis, likelihood, high, states, covariances = filter_chain(
-        point, process_of(sensors, settings), sensors.arrays, readings, keep
+    effect = effect or no_effect(len(point.x), len(sensors.joints), sensors.columns.shape)
+    mean, sd, nis, likelihood, high, *kept = filter_chain(
+        point, process_of(sensors, settings), sensors.arrays, readings, effect, keep
     )
     last = point.x, point.P
-    return ChainMotion(samples.time, mean, sd, nis, likelihood, states, covariances, high, last)
+    return ChainMotion(samples.time, mean, sd, nis, likelihood, Kept(*kept), high, last, effect)
 
 
 def process_of(sensors: ChainSensors, settings: FilterSettings) -> Process:

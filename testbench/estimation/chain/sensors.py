@@ -11,6 +11,7 @@ from numba import njit
 
 from testbench.exceptions import InputError
 from testbench.model.chain import Chain, Tip
+from testbench.model.chain_placement import placement_slopes
 from testbench.model.chain_sensor import sensor_reading
 from testbench.model.kinematics import Kinematics, Pose
 
@@ -52,6 +53,30 @@ def read_sensor(
         reading: As for `sensor_reading`, shape (6,).
         slopes: As for `sensor_reading`, shape (3, 6, m).
     """
+    chain, tip = _carrying(sensors, s)
+    sensor_reading(chain, tip, sensors.gravity, motion, reading, slopes)
+
+
+@njit(cache=True)
+def read_placement(
+    sensors: SensorArrays, s: int, motion: np.ndarray, reading: np.ndarray, slopes: np.ndarray
+) -> None:
+    """Derivatives of an ideal reading of one sensor by its placement and the lengths before it.
+
+    Args:
+        sensors: All of them.
+        s: Which one.
+        motion: As for `placement_slopes`, shape (3, m).
+        reading: As for `placement_slopes`, shape (6,).
+        slopes: As for `placement_slopes`, shape (6, 6 + k) of the longest chain.
+    """
+    chain, tip = _carrying(sensors, s)
+    placement_slopes(chain, tip, motion, reading, slopes)
+
+
+@njit(cache=True, inline="always")
+def _carrying(sensors: SensorArrays, s: int) -> tuple[Chain, Tip]:
+    """The joints that carry a sensor, and its place in the frame of the last."""
     count = sensors.counts[s]
     chain = Chain(
         sensors.rotations[s, :count],
@@ -59,8 +84,7 @@ def read_sensor(
         sensors.axes[s, :count],
         sensors.columns[s, :count],
     )
-    tip = Tip(sensors.tip_rotations[s], sensors.tip_offsets[s])
-    sensor_reading(chain, tip, sensors.gravity, motion, reading, slopes)
+    return chain, Tip(sensors.tip_rotations[s], sensors.tip_offsets[s])
 
 
 @dataclass(frozen=True)
@@ -126,6 +150,7 @@ def chain_sensors(
     places: Mapping[str, tuple[str, Pose]],
     joints: list[str] | None,
     standing: np.ndarray,
+    lengths: np.ndarray | None = None,
 ) -> ChainSensors:
     """The sensors of a robot's chain.
 
@@ -135,13 +160,19 @@ def chain_sensors(
         joints: Those to estimate; all that carry a sensor if None.
         standing: Angles at which the other joints stand still, shape (n_joints,) in the robot's
             order [rad].
+        lengths: Of the offset before each joint in the robot's order, in multiples of what the
+            robot says, shape (n_joints,); None: as it says.
 
     Raises:
         InputError: A joint carries none of the sensors: nothing would be known of it.
     """
     # Longer than a screen: joints are chosen, folded and filled into arrays of one length.
     robot = kinematics.robot
-    chains = {name: kinematics.chain_to(link) for name, (link, _) in places.items()}
+    for link, _ in places.values():
+        kinematics.check_link(link)
+    chains = {
+        name: _scaled(kinematics.chain_to(link), lengths) for name, (link, _) in places.items()
+    }
     carrying = {
         robot.joint_names[column] for chain, _ in chains.values() for column in chain.columns
     }
@@ -188,6 +219,14 @@ def chain_sensors(
         robot.gravity,
         limits,
     )
+
+
+def _scaled(carried_by: tuple[Chain, Pose], lengths: np.ndarray | None) -> tuple[Chain, Pose]:
+    """A chain with offsets of other lengths; what lies beyond its last joint stays."""
+    chain, tip = carried_by
+    if lengths is None:
+        return carried_by
+    return chain._replace(offsets=chain.offsets * lengths[chain.columns][:, None]), tip
 
 
 def _fold(

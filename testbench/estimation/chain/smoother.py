@@ -13,98 +13,114 @@ import numpy as np
 from numba import njit
 
 from testbench.estimation.chain.kernel import FilterPoint
-from testbench.estimation.chain.run import ChainMotion, ChainSamples, continue_filter, process_of
+from testbench.estimation.chain.placement import Constants
+from testbench.estimation.chain.run import (
+    ChainMotion,
+    ChainSamples,
+    Kept,
+    begin,
+    continue_filter,
+    process_of,
+)
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
-from testbench.estimation.chain.start import start_state
-from testbench.estimation.chain.state import Process, drive, joint_motion, propagate, transition
+from testbench.estimation.chain.state import (
+    Process,
+    carry,
+    drive,
+    joint_motion,
+    propagate,
+    transition,
+)
 
 KEPT_NUMBERS = 2e7
 """Numbers of the covariances that are kept at a time: 160 MB."""
 
 
 def run_smoother(
-    sensors: ChainSensors, settings: FilterSettings, samples: ChainSamples
+    sensors: ChainSensors,
+    settings: FilterSettings,
+    samples: ChainSamples,
+    constants: Constants | None = None,
 ) -> ChainMotion:
     """Filter forwards and smooth backwards.
 
     Arguments and result are those of `run_filter`, without states and covariances.
     """
-    x, P = start_state(sensors, settings, samples.mean, samples.counts)
-    point = FilterPoint(x, P, settings.levels(), samples.start)
-    stride = max(int(KEPT_NUMBERS / len(x) ** 2), 1)
+    point, effect = begin(sensors, settings, samples, constants)
+    x, P = point.x, point.P
+    n, p = effect.sensitivity.shape
+    stride = max(int(KEPT_NUMBERS / (n**2 + n * p)), 1)
     marks, parts, motions = [], [], []
     samples = samples.rows(0, None)
-    for begin in range(0, len(samples.time), stride):
-        part = samples.rows(begin, begin + stride)
-        marks.append(FilterPoint(x.copy(), P.copy(), point.levels.copy(), point.time))
-        motions.append(continue_filter(sensors, settings, part, point))
+    for first in range(0, len(samples.time), stride):
+        part = samples.rows(first, first + stride)
+        own = effect._replace(sensitivity=effect.sensitivity.copy())
+        marks.append((FilterPoint(x.copy(), P.copy(), point.levels.copy(), point.time), own))
+        motions.append(continue_filter(sensors, settings, part, point, effect))
         parts.append(part)
         point = point._replace(time=float(part.time[-1]))
     process = process_of(sensors, settings)
-    later = (x.copy(), P.copy(), 0.0, 0.0)  # the last state is its own smoothed one
+    # the last state is its own smoothed one
+    later = Kept(x.copy(), P.copy(), effect.sensitivity.copy())
+    gap = (0.0, 0.0)
     means, sds = [], []
-    for part, mark in zip(reversed(parts), reversed(marks), strict=True):
-        kept = continue_filter(sensors, settings, part, mark, keep=True)
-        steps, high = np.append(np.diff(part.time), later[2]), np.append(kept.high[1:], later[3])
-        state, covariance = kept.state, kept.covariance
-        _smooth(state, covariance, later[:2], process, steps, high)
-        mean, sd = _joints(state, covariance, process.indices, settings.harmonics)
+    for part, (mark, own) in zip(reversed(parts), reversed(marks), strict=True):
+        # what the innovations tell was learnt on the way there
+        again = own._replace(
+            information=np.zeros_like(own.information),
+            score=np.zeros_like(own.score),
+            swing=np.zeros_like(own.swing),
+        )
+        motion = continue_filter(sensors, settings, part, mark, again, keep=True)
+        steps, high = np.append(np.diff(part.time), gap[0]), np.append(motion.high[1:], gap[1])
+        kept = motion.kept
+        _smooth(kept, later, process, steps, high)
+        mean, sd = _joints(kept, effect.covariance, process.indices, settings.harmonics)
         means.append(mean)
         sds.append(sd)
-        later = (
-            state[0].copy(),
-            covariance[0].copy(),
-            float(part.time[0]) - mark.time,
-            float(kept.high[0]),
-        )
+        later = Kept(*(array[0].copy() for array in kept))
+        gap = (float(part.time[0]) - mark.time, float(motion.high[0]))
     nis, high = (
         np.concatenate([motion.nis for motion in motions]),
         np.concatenate([motion.high for motion in motions]),
     )
     likelihood = np.concatenate([motion.likelihood for motion in motions])
-    none = np.zeros((0, len(x)))
     return ChainMotion(
         samples.time,
         np.concatenate(means[::-1]),
         np.concatenate(sds[::-1]),
         nis,
         likelihood,
-        none,
-        none[:, :, None],
+        Kept(np.zeros((0, n)), np.zeros((0, n, n)), np.zeros((0, n, p))),
         high,
         (x, P),
+        effect,
     )
 
 
 @njit(cache=True)
-def _smooth(
-    state: np.ndarray,
-    covariance: np.ndarray,
-    later: tuple[np.ndarray, np.ndarray],
-    process: Process,
-    steps: np.ndarray,
-    high: np.ndarray,
-) -> None:
-    """Replace filtered states and covariances by smoothed ones.
+def _smooth(kept: Kept, later: Kept, process: Process, steps: np.ndarray, high: np.ndarray) -> None:
+    """Replace filtered states, covariances and sensitivities by smoothed ones.
 
     Args:
-        state: States, shape (e, n).
-        covariance: Their covariances, shape (e, n, n).
-        later: Smoothed state and covariance of the sample after the last.
+        kept: Of e samples.
+        later: Smoothed, of the sample after the last.
         process: How the joints move.
         steps: Time to the next sample, shape (e,) [s].
         high: Part of the raised process noise that holds meanwhile, shape (e,).
     """
     harmonics, indices, _, confined, jerk, walk, raised = process
+    state, covariance, sensitivity = kept
     m, n = indices.shape[0], state.shape[1]
-    x, P = later[0].copy(), later[1].copy()
+    x, P, V = later[0].copy(), later[1].copy(), later[2].copy()
     for i in range(len(state) - 1, -1, -1):
-        predicted, ahead = state[i].copy(), covariance[i].copy()
+        predicted, ahead, moved = state[i].copy(), covariance[i].copy(), sensitivity[i].copy()
         dt = steps[i]
         F = transition(predicted, m, harmonics, confined, dt)
         turned = state[i].copy()
         propagate(turned, ahead, m, harmonics, confined, dt)
+        carry(turned, moved, m, harmonics, confined, dt)
         drive(ahead, m, harmonics, jerk, confined, walk + high[i] * raised, dt)
         # gain C = P F' ahead^-1, solved with ahead scaled to correlations
         scale = np.sqrt(np.diag(ahead))
@@ -119,19 +135,29 @@ def _smooth(
         for r in range(n):
             for c in range(n):
                 ahead[r, c] *= scale[r] * scale[c]
-        # x + C (x_later - predicted) and P + C (P_later - ahead) C'
+        # x + C (x_later - predicted), likewise its sensitivity, and P + C (P_later - ahead) C'
         state[i] += gain @ (x - predicted)
+        sensitivity[i] += gain @ (V - moved)
         covariance[i] += gain @ (P - ahead) @ gain.T
         covariance[i] = 0.5 * (covariance[i] + covariance[i].T)
-        x, P = state[i], covariance[i].copy()
+        x, P, V = state[i], covariance[i].copy(), sensitivity[i].copy()
 
 
 @njit(cache=True)
 def _joints(
-    state: np.ndarray, covariance: np.ndarray, indices: np.ndarray, harmonics: int
+    kept: Kept, constants: np.ndarray, indices: np.ndarray, harmonics: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles, rates and accelerations with standard deviations, shapes (e, 3, m)."""
+    """Joint angles, rates and accelerations with standard deviations, shapes (e, 3, m).
+
+    Args:
+        kept: Smoothed, of e samples.
+        constants: Covariance of the constants of placement, shape (p, p), or empty.
+        indices: As `state_indices` gives them, shape (m, k).
+        harmonics: Of the Fourier series; 0 for the kinematic state.
+    """
+    state, covariance, sensitivity = kept
     e, m, k = len(state), indices.shape[0], indices.shape[1]
+    row = np.zeros(constants.shape[0])
     mean, sd = np.empty((e, 3, m)), np.empty((e, 3, m))
     motion, slopes = np.empty((3, m)), np.empty((3, m, k))
     for i in range(e):
@@ -147,5 +173,11 @@ def _joints(
                             * slopes[order, j, c]
                             * covariance[i, indices[j, r], indices[j, c]]
                         )
+                if constants.shape[0] > 0:
+                    row[:] = 0.0
+                    for r in range(k):
+                        for c in range(len(row)):
+                            row[c] += slopes[order, j, r] * sensitivity[i, indices[j, r], c]
+                    total += float(row @ (constants @ row))
                 sd[i, order, j] = np.sqrt(max(total, 0.0))
     return mean, sd

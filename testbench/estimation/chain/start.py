@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from testbench.estimation.chain.sensors import ChainSensors
@@ -20,9 +22,47 @@ UNKNOWN = 1e3
 """
 
 
+class RestPose(NamedTuple):
+    """What rest says.
+
+    Attributes:
+        theta: Joint angles and the sensor errors that are states, shape (k,).
+        covariance: Theirs, shape (k, k).
+        by_theta: Derivative of the mean readings by them, shape (6 s, k).
+        misfit: Mean readings less those of the stated pose and errors, shape (6 s,).
+        weight: Of each mean reading, one over its variance, shape (6 s,).
+        reading: Those of an ideal sensor in this pose, shape (s, 6).
+    """
+
+    theta: np.ndarray
+    covariance: np.ndarray
+    by_theta: np.ndarray
+    misfit: np.ndarray
+    weight: np.ndarray
+    reading: np.ndarray
+
+
+class StartState(NamedTuple):
+    """Where the filter begins, and what wrong placement does to that (`effect.PlacementEffect`).
+
+    Attributes:
+        x: State, shape (n,).
+        P: Its covariance, shape (n, n).
+        sensitivity: Of the state's error to the p constants of placement, shape (n, p).
+        information: What rest tells of them, shape (p, p).
+        score: The same times their most likely values, shape (p,).
+    """
+
+    x: np.ndarray
+    P: np.ndarray
+    sensitivity: np.ndarray
+    information: np.ndarray
+    score: np.ndarray
+
+
 def rest_pose(
     sensors: ChainSensors, settings: FilterSettings, mean: np.ndarray, counts: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+) -> RestPose:
     """Pose and biases at rest: the most probable ones given the stated pose and the mean readings
     (Gauss-Newton).
 
@@ -33,8 +73,7 @@ def rest_pose(
         counts: Number of readings behind each mean, shape (s,).
 
     Returns:
-        Joint angles and the sensor errors that are states, shape (k,), and their covariance, shape
-        (k, k).
+        Angles and errors with what they follow from.
     """
     m, s = len(sensors.joints), len(sensors.sensors)
     errors = settings.error_variance
@@ -59,7 +98,9 @@ def rest_pose(
         theta = theta + step
         if np.abs(step[:m]).max() < 1e-12:
             break
-    return theta, np.linalg.inv(normal)
+    # linear about what was found: as if the prior had been compared with the readings
+    misfit = residual + J @ (theta - step - prior)
+    return RestPose(theta, np.linalg.inv(normal), J, misfit, weight.ravel(), reading)
 
 
 def _by_errors(reading: np.ndarray, count: int) -> np.ndarray:
@@ -77,8 +118,12 @@ def _by_errors(reading: np.ndarray, count: int) -> np.ndarray:
 
 
 def start_state(
-    sensors: ChainSensors, settings: FilterSettings, mean: np.ndarray, counts: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    sensors: ChainSensors,
+    settings: FilterSettings,
+    mean: np.ndarray,
+    counts: np.ndarray,
+    constants: int = 0,
+) -> StartState:
     """State and covariance at rest.
 
     The prior of the motion (unknown for q, v, a; that of the settings for Fourier coefficients)
@@ -90,12 +135,15 @@ def start_state(
         settings: Start pose, noise and biases.
         mean: Mean readings at rest, shape (s, 6) [rad/s], [m/s^2].
         counts: Number of readings behind each mean, shape (s,).
+        constants: How many constants of placement there are: none, or the six of each sensor and
+            then lengths, of which rest does not tell.
 
     Returns:
-        State, shape (n,), and covariance, shape (n, n).
+        State, covariance, and the effect of placement.
     """
     m, harmonics = len(sensors.joints), settings.harmonics
-    theta, covariance = rest_pose(sensors, settings, mean, counts)
+    rested = rest_pose(sensors, settings, mean, counts)
+    theta, covariance = rested.theta, rested.covariance
     size = motion_size(m, harmonics)
     n = size + len(theta) - m
     x, sd = np.zeros(n), np.empty(n)
@@ -130,4 +178,30 @@ def start_state(
     x = x + K @ (said - H @ x)
     left = np.eye(n) - K @ H
     P = left @ P @ left.T + K @ R @ K.T
-    return x, (P + P.T) / 2
+    # an error of placement moves what rest says, and that the state
+    by_placement = _by_placement(rested.reading, constants)
+    moved = -covariance @ (rested.by_theta.T * rested.weight) @ by_placement
+    sensitivity = K @ np.vstack([moved[:m], np.zeros((2 * m, constants)), moved[m:]])
+    # the misfit's covariance is J prior J' + R; its inverse by that of what was found (Woodbury)
+    weighted = rested.weight[:, None] * by_placement
+    pulled = rested.by_theta.T @ weighted
+    information = by_placement.T @ weighted - pulled.T @ covariance @ pulled
+    score = weighted.T @ rested.misfit - pulled.T @ covariance @ (
+        rested.by_theta.T @ (rested.weight * rested.misfit)
+    )
+    return StartState(x, (P + P.T) / 2, sensitivity, information, score)
+
+
+def _by_placement(reading: np.ndarray, count: int) -> np.ndarray:
+    """Derivative of readings at rest (s, 6) by constants of placement, shape (6 s, count)."""
+    s = len(reading)
+    J = np.zeros((6 * s, count))
+    for i in range(s if count else 0):
+        for first in (0, 3):
+            x, y, z = reading[i, first : first + 3]
+            J[6 * i + first : 6 * i + first + 3, 6 * i : 6 * i + 3] = [
+                [0, -z, y],
+                [z, 0, -x],
+                [-y, x, 0],
+            ]
+    return J

@@ -264,6 +264,42 @@ def _propagate_fourier(x: np.ndarray, P: np.ndarray, m: int, harmonics: int, dt:
 
 
 @njit(cache=True)
+def carry(
+    x: np.ndarray, V: np.ndarray, m: int, harmonics: int, confined: np.ndarray, dt: float
+) -> None:
+    """Move sensitivities of a state's error on.
+
+    Args:
+        x: The state after dt, shape (n,).
+        V: Sensitivities, shape (n, p); replaced.
+        m: Joints.
+        harmonics: Of the Fourier series; 0 for the kinematic state.
+        confined: As `confinement` gives it, shape (m, 2).
+        dt: Time that passes [s].
+    """
+    if harmonics == 0:
+        f = np.empty((3, 3))
+        for j in range(m):
+            _confined(confined[j, 1], dt, f)
+            for c in range(V.shape[1]):
+                q, v, a = V[j, c], V[m + j, c], V[2 * m + j, c]
+                V[j, c] = f[0, 0] * q + f[0, 1] * v + f[0, 2] * a
+                V[m + j, c] = f[1, 0] * q + f[1, 1] * v + f[1, 2] * a
+                V[2 * m + j, c] = f[2, 0] * q + f[2, 1] * v + f[2, 2] * a
+        return
+    last = m * (2 * harmonics + 1)
+    for k in range(1, harmonics + 1):
+        cosine, sine = np.cos(k * x[last] * dt), np.sin(k * x[last] * dt)
+        first = m * (2 * k - 1)
+        for i in range(first, first + m):
+            by_c, by_s = k * dt * x[i + m], -k * dt * x[i]
+            for column in range(V.shape[1]):
+                c, s, w = V[i, column], V[i + m, column], V[last, column]
+                V[i, column] = cosine * c + sine * s + by_c * w
+                V[i + m, column] = cosine * s - sine * c + by_s * w
+
+
+@njit(cache=True)
 def drive(
     P: np.ndarray,
     m: int,

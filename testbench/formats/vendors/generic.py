@@ -7,6 +7,7 @@ from pathlib import Path
 from testbench.exceptions import InputError
 from testbench.formats.common_clock import share_clock
 from testbench.formats.mapped.build import Build
+from testbench.formats.mapped.chain import chain_of
 from testbench.formats.mapped.files import Files, Meant, Place, sensors_meant
 from testbench.formats.mapped.sensor import Mapped, mapped_sensor
 from testbench.formats.mapping import MappingSpec, find_mapping
@@ -19,6 +20,7 @@ from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.specs.exclusion import unknown_sensors
 from testbench.records.specs.protocol import Analysis, Body, Segment
+from testbench.records.specs.protocol_chain import ChainEstimation
 
 
 def read(files: list[Path], options: Options) -> Recording:
@@ -62,7 +64,8 @@ def read(files: list[Path], options: Options) -> Recording:
     unused = [file.name for file in files if file not in opened.used]
     if unused:
         raise InputError(f"{', '.join(sorted(unused))}: no sensor of the mapping reads it")
-    analysis = _analysis(document, meant, mapped)
+    chain, kept = chain_of(document, list(mapped))
+    analysis = _analysis(document, meant, mapped, chain)
     findings = [
         finding("structure.mapping", file=document.file.name, description=spec.description),
         *_closed(opened),
@@ -80,11 +83,15 @@ def read(files: list[Path], options: Options) -> Recording:
         {name: one.sensor for name, one in mapped.items()},
         analysis,
         findings=findings,
+        texts=kept,
     )
 
 
 def _analysis(
-    document: YamlDocument[MappingSpec], meant: list[Meant], mapped: dict[str, Mapped]
+    document: YamlDocument[MappingSpec],
+    meant: list[Meant],
+    mapped: dict[str, Mapped],
+    chain: ChainEstimation | None,
 ) -> Analysis:
     """What suits the sensors, and what the mapping says of estimate, body and intervals."""
     spec = document.value
@@ -98,7 +105,9 @@ def _analysis(
     )
     estimate = spec.estimate or analysis.estimate
     _check_names(document, list(mapped))
-    estimate = estimate.model_copy(update={"exclude": [*estimate.exclude, *spec.exclude]})
+    estimate = estimate.model_copy(
+        update={"exclude": [*estimate.exclude, *spec.exclude], "chain": chain}
+    )
     body = None
     if spec.segments or spec.joints:
         segments = {

@@ -5,6 +5,8 @@ from __future__ import annotations
 MANIFEST, EVENTS = "manifest.json", "events.jsonl"
 PROTOCOL, INCLUDED, ROBOT, URDF = "protocol.yaml", "included_", "robot.yaml", "robot.urdf"
 """Verbatim copies; each file that the protocol includes is called `INCLUDED` and its own name."""
+CHAIN_ROBOT, CHAIN_URDF = "chain_robot.yaml", "chain_robot.urdf"
+"""The model that an import was recorded of, where it does not ship with the bench."""
 PLAN = "plan.parquet"
 ARM = "arm"
 """The stream of the arm's samples."""

@@ -418,6 +418,16 @@ class ProtocolSpec(StrictModel):
         default=[], description="Limits that decide pass or fail."
     )
 
+    @field_validator("estimate")
+    @classmethod
+    def _has_its_arm(cls, estimate: Estimation) -> Estimation:
+        if estimate.chain is not None and estimate.chain.model is not None:
+            raise ValueError(
+                "chain.model is for imports; the chain of a protocol is its arm, with the sensors "
+                "on it"
+            )
+        return estimate
+
     def analysis(self) -> Analysis:
         """The part that concerns estimation and evaluation."""
         return Analysis(

@@ -171,6 +171,13 @@ class RobotSpec(StrictModel):
     )
     joints: list[Joint] = Field(min_length=1)
     home_deg: list[float]
+    stature_mm: float | None = Field(
+        default=None,
+        gt=500,
+        lt=2500,
+        description="Of the person that a model of a body is of [mm]; a recording of another one "
+        "is scaled by it.",
+    )
     payload_kg: float | None = Field(
         default=None,
         gt=0,

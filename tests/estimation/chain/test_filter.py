@@ -52,8 +52,8 @@ def test_the_covariance_of_q_v_and_a_is_what_the_errors_show(runs, settings, sen
         result = run_filter(sensors, settings, samples.until(instant * 0.01 + 0.005), keep=True)
         values.append(
             nees(
-                result.state[-1, : 3 * m] - motion[instant].ravel(),
-                result.covariance[-1, : 3 * m, : 3 * m],
+                result.kept.state[-1, : 3 * m] - motion[instant].ravel(),
+                result.kept.covariance[-1, : 3 * m, : 3 * m],
             )
         )
     assert within(values, 3 * m)
@@ -75,8 +75,8 @@ def test_a_filter_that_takes_its_sensors_for_better_than_they_are_is_found_out(
         result = run_filter(sensors, proud, samples, keep=True)
         values.append(
             nees(
-                result.state[-1, : 3 * m] - motion[-1].ravel(),
-                result.covariance[-1, : 3 * m, : 3 * m],
+                result.kept.state[-1, : 3 * m] - motion[-1].ravel(),
+                result.kept.covariance[-1, : 3 * m, : 3 * m],
             )
         )
     assert not within(values, 3 * m)
@@ -170,10 +170,12 @@ def test_the_covariance_of_a_fourier_series_is_what_the_errors_show(sensors, set
         levels[0] = np.inf  # this motion has no fade
         begin = FilterPoint(guess, P, levels, 0.0)
         result = continue_filter(sensors, fourier, measure(motion, rng), begin, keep=True)
-        values.append(nees(result.state[-1, :size] - x, result.covariance[-1, :size, :size]))
+        values.append(
+            nees(result.kept.state[-1, :size] - x, result.kept.covariance[-1, :size, :size])
+        )
         omegas.append(
-            (result.state[-1, size - 1] - x[-1])
-            / np.sqrt(result.covariance[-1, size - 1, size - 1])
+            (result.kept.state[-1, size - 1] - x[-1])
+            / np.sqrt(result.kept.covariance[-1, size - 1, size - 1])
         )
     assert within(values, size)
     assert np.sqrt(np.mean(np.square(omegas))) < 1.5  # standard deviations, of an unknown frequency
@@ -241,11 +243,11 @@ def test_a_late_clock_and_a_bent_axis_are_in_the_covariance_and_would_be_missed_
             begin = FilterPoint(first, P, levels, 0.0)
             result = continue_filter(sensors, own, samples, begin, keep=True)
             values[key].append(
-                nees(result.state[-1, :size] - end, result.covariance[-1, :size, :size])
+                nees(result.kept.state[-1, :size] - end, result.kept.covariance[-1, :size, :size])
             )
             if key == "told" and fault == "clock":
                 own_clock = size + 6 * s
-                late.append(np.diff(result.state[-1, own_clock : own_clock + s] - clocks)[0])
+                late.append(np.diff(result.kept.state[-1, own_clock : own_clock + s] - clocks)[0])
     assert within(values["told"], size)
     assert not within(values["untold"], size) and np.mean(values["untold"]) > 1.3 * np.mean(
         values["told"]

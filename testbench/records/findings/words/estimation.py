@@ -77,7 +77,38 @@ TEMPLATES = {
         "median): they are often vertical",
     ),
     "chain.no_arm": Template(
-        WARNING, "the chain was not estimated: the recording has no arm and no plan"
+        WARNING,
+        "the chain was not estimated: the recording has no arm and no plan, and states no model "
+        "(estimate.chain.model: robot, and the link of each sensor)",
+    ),
+    "chain.start": Template(
+        NOTE,
+        "it starts from the rest from {from_s:.1f} to {to_s:.1f} s, taken for the start pose; "
+        "estimate.chain.model.rest_s names another",
+    ),
+    "chain.sheet_assumed": Template(
+        NOTE,
+        "no data sheet is named for {sensors}: what rest does not tell of their errors is taken "
+        "from that of {sheet}",
+    ),
+    "chain.lost": Template(
+        WARNING,
+        "the chain filter is lost: by the sensors' own readings they sit elsewhere than stated, "
+        "which puts the angle of {joint} off by about {off_deg:.1f} deg; measure where they sit, "
+        "or have it fitted by estimate.chain.placement",
+    ),
+    "chain.lost_though_fitted": Template(
+        WARNING,
+        "the chain filter is lost though the placement was fitted: by the sensors' own readings "
+        "the angle of {joint} is off by about {off_deg:.1f} deg; a sensor may slip, or the model "
+        "does not fit",
+    ),
+    "chain.placement_unsettled": Template(
+        WARNING, "the fit of the sensors' placement did not settle; its values are rough"
+    ),
+    "chain.placement_held": Template(
+        NOTE,
+        "the motion hardly tells of the {held}, which the stated standard deviation holds",
     ),
     "chain.not_estimated": Template(WARNING, "{why}"),
 }
