@@ -29,7 +29,7 @@ from testbench.estimation.filters.tuned import Parameters, choose_tuned
 from testbench.estimation.joints.joints import estimate_joint
 from testbench.estimation.signals.access import Correct, SampleAccess
 from testbench.estimation.signals.recording import RunFacts, SensorRecording
-from testbench.estimation.signals.segmentation import detect_static
+from testbench.estimation.signals.segmentation import detect_static, detect_static_by_force
 from testbench.exceptions import InputError, SessionError
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
@@ -374,7 +374,7 @@ def prepare_sensor(
     truth = None if motion.unaligned else motion.truth
     uniform, rows = access.regular(clock)
     measured = access.measured
-    resting = detect_static(uniform.angular_rate(), uniform.interval, rows[measured])
+    resting = _resting(uniform, rows[measured])
     static = resting[rows] & measured
     quality = access.quality(static).with_flags(motion.lost)
     calibration = CalibrationFit()
@@ -422,6 +422,13 @@ def prepare_sensor(
     return PreparedSensor(
         run, description, access, motion, every, aligned_to, uniform, correct, mounting, estimated
     )
+
+
+def _resting(uniform: UniformSamples, real: np.ndarray) -> np.ndarray:
+    """Rows at rest by what the sensor has: gyroscope, orientation, or accelerometer alone."""
+    if uniform.has("gyr") or uniform.device_q is not None:
+        return detect_static(uniform.angular_rate(), uniform.interval, real)
+    return detect_static_by_force(uniform.acc, uniform.interval, real)
 
 
 def _rate_age(description: SensorRecord) -> float:
