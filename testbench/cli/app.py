@@ -16,14 +16,18 @@ from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
 from testbench.cli.options import (
     CalibrationOption,
+    CompareOption,
     FiltersOption,
     JsonOption,
     ProtocolArgument,
+    ReturnedOption,
     RobotOption,
+    SequenceOption,
     SessionArgument,
     SetOption,
     TunedOption,
     analysis_request,
+    described_by,
     exit_code,
     optional,
 )
@@ -207,13 +211,17 @@ def evaluate(
     parameters: SetOption = None,
     calibration: CalibrationOption = None,
     tuned: TunedOption = None,
+    compare: CompareOption = None,
+    sequence: SequenceOption = None,
+    returned: ReturnedOption = False,
     json: JsonOption = False,
 ) -> None:
     """Compare the estimates with the truth and judge them."""
     from testbench.pipeline.analyse import judge_again
 
     opened = _open(session)
-    result = judge_again(opened, analysis_request(filters, parameters, calibration, tuned))
+    asked = analysis_request(filters, parameters, calibration, tuned)
+    result = judge_again(opened, described_by(asked, compare, sequence, returned))
     if json:
         say_json(result.to_dict())
     else:
@@ -228,13 +236,17 @@ def report(
     parameters: SetOption = None,
     calibration: CalibrationOption = None,
     tuned: TunedOption = None,
+    compare: CompareOption = None,
+    sequence: SequenceOption = None,
+    returned: ReturnedOption = False,
     json: JsonOption = False,
 ) -> None:
     """Estimate, evaluate and write report.html anew."""
     from testbench.pipeline.analyse import analyse
 
     opened = _open(session)
-    result = analyse(opened, analysis_request(filters, parameters, calibration, tuned))
+    asked = analysis_request(filters, parameters, calibration, tuned)
+    result = analyse(opened, described_by(asked, compare, sequence, returned))
     if json:
         say_json(result.to_dict())
     else:

@@ -346,6 +346,7 @@ def _tuned_rows(estimate: Estimate) -> list[TunedRow]:
             used.tuned_utc,
             used.tuned_on,
             used.on_this_session,
+            used.comparison,
         )
         for key, used in estimate.tuned.items()
     ]
@@ -375,6 +376,10 @@ def tuning_findings(rows: list[TunedRow]) -> list[Finding]:
                 on=list(row.tuned_on),
             )
         )
+        if row.comparison is not None:
+            found.append(
+                finding("filter.tuned_to", filter=row.filter, comparison=row.comparison)
+            )
         if row.on_this_session:
             found.append(finding("filter.tuned_here", filter=row.filter))
     return found

@@ -421,6 +421,11 @@ class Evaluation(ResultTables):
     outcome: Outcome = Outcome.NOT_MEASURED
 
     @property
+    def judged(self) -> bool:
+        """Whether anything was held against a truth."""
+        return bool(self.orientation or self.joint_angle or self.chain)
+
+    @property
     def limited(self) -> bool:
         """Whether the protocol states a limit for anything."""
         return any(metric.outcome is not None for metric in self.metrics)

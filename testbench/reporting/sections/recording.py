@@ -31,8 +31,16 @@ def recording_section(estimate: Estimate, evaluation: Evaluation | None) -> Sect
     if evaluation is not None and evaluation.noise:
         section.blocks.append(_noise(evaluation.noise))
     else:
-        section.blocks.append(Sentence("No rest was long enough to say anything of noise."))
+        section.blocks.append(Sentence(_no_noise(evaluation)))
     return section
+
+
+def _no_noise(evaluation: Evaluation | None) -> str:
+    """Why there is no noise, with the longest rest where it is known."""
+    rests = [] if evaluation is None else evaluation.rests
+    said = ", ".join(f"{row.sensor} {digits(row.longest_s, 1)} s" for row in rests)
+    longest = f": it takes {rests[0].needed_s:g} s, and the longest is {said}" if rests else ""
+    return f"No rest was long enough to say anything of noise{longest}."
 
 
 def _timing(estimate: Estimate) -> Table:

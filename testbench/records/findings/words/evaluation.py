@@ -46,6 +46,11 @@ TEMPLATES = {
         WARNING, "only {judged} of {planned} samples of the others judged: {reasons}"
     ),
     "filter.tuned": Template(NOTE, "{filter} ran with {parameters}, tuned for {objective} on {on}"),
+    "filter.tuned_to": Template(
+        NOTE,
+        "{filter} was tuned to come near {comparison}, which is a comparison and no truth: its "
+        "parameters are not shown to be better",
+    ),
     "filter.tuned_here": Template(
         WARNING,
         "{filter} was tuned on this session: its errors here are those of a fit, not of a test",
