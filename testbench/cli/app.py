@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from testbench.cli.calibrating import calibrate, calibrations
+from testbench.cli.describing import say_description
 from testbench.cli.designing import design
 from testbench.cli.emulating import emulate
 from testbench.cli.exporting import export
@@ -225,6 +226,7 @@ def evaluate(
     if json:
         say_json(result.to_dict())
     else:
+        say_description(result)
         say_evaluation(result, str(opened.path), None, opened.simulated)
     raise typer.Exit(exit_code(result))
 

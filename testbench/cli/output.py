@@ -260,8 +260,6 @@ def say_evaluation(
         report: Where its report lies; none if None.
         simulated: What of the session was not real.
     """
-    from testbench.cli.describing import say_description
-
     if evaluation.limited:
         _say_verdict(evaluation)
     _say_flexion(evaluation)
@@ -269,7 +267,6 @@ def say_evaluation(
         _say_chain(evaluation)
     if evaluation.orientation:
         _say_orientation(evaluation)
-    say_description(evaluation)
     say_noise(evaluation.noise)
     say_findings(evaluation.findings)
     say(f"outcome: {evaluation.verdict}")

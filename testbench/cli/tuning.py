@@ -32,11 +32,11 @@ def tune(
         str | None,
         typer.Option(
             "--objective",
-            help="Metric to make small: total_rmse_deg (if none is named), heading_rmse_deg, inclination_rmse_deg of "
-            "the sensors, "
+            help="Metric to make small: total_rmse_deg (if none is named), heading_rmse_deg, "
+            "inclination_rmse_deg of the sensors, "
             "flexion_rmse_deg, flexion_mean_abs_error_deg of the joints; elbow.flexion_rmse_deg is "
-            "that of one of them. Of a comparison: total_difference_rms_deg (if none is named) and so "
-            "on.",
+            "that of one of them. Of a comparison: total_difference_rms_deg (if none is named) and "
+            "so on.",
         ),
     ] = None,
     compare: Annotated[
@@ -113,6 +113,7 @@ def tune(
         say(f"tuning: {out}")
 
 
+# Long by its tables: the parameters, what they were tuned on, and the test.
 def _say_tuning(found: Tuning) -> None:
     say_table(
         f"{found.filter}, tuned for {found.objective}",
@@ -148,7 +149,11 @@ def _say_tuning(found: Tuning) -> None:
     tests = found.of_role("test")
     if tests:
         rows = [[entry.session, entry.default_value, entry.value] for entry in tests]
-        say_table(f"Test: {found.objective}{against}, never tuned on", ["session", "default", "tuned"], rows)
+        say_table(
+            f"Test: {found.objective}{against}, never tuned on",
+            ["session", "default", "tuned"],
+            rows,
+        )
     elif not found.split.leave_one_out:
         say("note: no session was held out, so it is not known what the set is worth on others")
     if found.comparison is not None:

@@ -5,6 +5,8 @@ Near gimbal lock the outer angles are not defined apart: there they are left out
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from testbench.evaluation.euler_ranges import LOCKED, MOSTLY_LOCKED, ranges_deg
@@ -46,13 +48,14 @@ def sensor_angles(name: str, sensor: SensorEstimate, sequence: str | None) -> Re
     """
     sequence = sequence or usual_sequence(sensor)
     kind = Euler(sequence)
-    rows, columns = [], {}
+    rows: list[AngleRangeRow] = []
+    columns: dict[str, np.ndarray] = {}
     for key, q in sensor.orientation.items():
         known = np.isfinite(q).all(axis=1) & ~sensor.flagged
         angles = np.full((len(q), 3), np.nan)
         angles[known] = kind.angles(q[known])
         rows += _rows(name, "sensor", (key, sequence), kind, angles)
-        columns |= _columns(key, sequence, kind, angles)
+        columns |= _columns(key, sequence, kind, angles, columns)
     series = {euler_table(name): {"host_time_ns": sensor.host_time_ns} | columns}
     return ResultTables(angle_ranges=rows, series=series if columns else {})
 
@@ -60,14 +63,15 @@ def sensor_angles(name: str, sensor: SensorEstimate, sequence: str | None) -> Re
 def joint_angles(name: str, joint: JointDefinition, estimate: JointEstimate) -> ResultTables:
     """Angles of a joint by every filter and definition, over time and their ranges."""
     defined = {item.label: item for item in joint.definitions()}
-    rows, columns = [], {}
+    rows: list[AngleRangeRow] = []
+    columns: dict[str, np.ndarray] = {}
     for (key, label), angles in estimate.angles.items():
         kind = decomposition_of(defined[label])
         signed = angles.copy()
         flexion = INDEX[defined[label].flexion]
         signed[:, flexion] *= defined[label].sign
         rows += _rows(name, "joint", (key, label), kind, signed, flexion)
-        columns |= _columns(key, label, kind, signed)
+        columns |= _columns(key, label, kind, signed, columns)
     series = {motion_table(name): {"host_time_ns": estimate.host_time_ns} | columns}
     return ResultTables(angle_ranges=rows, series=series if columns else {})
 
@@ -78,13 +82,58 @@ def _locked(kind: Decomposition, angles: np.ndarray) -> np.ndarray:
 
 
 def _columns(
-    key: str, label: str, kind: Decomposition, angles: np.ndarray
+    key: str,
+    label: str,
+    kind: Decomposition,
+    angles: np.ndarray,
+    others: Mapping[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
+    """The three angles, unwrapped beside those of the first filter, where they are defined.
+
+    Args:
+        key: Of the filter.
+        label: Of the sequence or definition.
+        kind: That gave the angles.
+        angles: Shape (n, 3) [rad].
+        others: Columns of the filters before.
+    """
     shown = np.where(_locked(kind, angles), np.nan, angles)
-    return {
-        f"{key}_{label}_{place}_rad": unwrapped(shown[:, i]).astype(np.float32)
-        for i, place in enumerate(PLACES)
-    }
+    columns = {}
+    for i, place in enumerate(PLACES):
+        ending = f"_{label}_{place}_rad"
+        first = next((own for name, own in others.items() if name.endswith(ending)), None)
+        own = unwrapped(shown[:, i]) if first is None else unwrapped_beside(shown[:, i], first)
+        columns[f"{key}{ending}"] = own.astype(np.float32)
+    return columns
+
+
+def unwrapped_beside(angle: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """An angle without jumps of a turn, which crosses gaps as another estimate of it does.
+
+    Across gimbal lock an angle moves by up to half a turn, so that two estimates of one motion
+    would part by a whole one for the rest of the recording.
+
+    Args:
+        angle: Shape (n,) [rad]; NaN in gaps.
+        beside: The other estimate, unwrapped, shape (n,) [rad].
+
+    Returns:
+        Shape (n,) [rad].
+    """
+    result = np.array(angle, float)
+    apart = 0.0
+    known = np.flatnonzero(np.isfinite(result))
+    for run in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
+        own = np.unwrap(result[run])
+        difference = own - beside[run]
+        difference = difference[np.isfinite(difference)]
+        if len(difference):
+            middle = float(np.median(difference))
+            turns = np.round((apart - middle) / (2 * np.pi))
+            apart = middle + 2 * np.pi * turns
+            own = own + 2 * np.pi * turns
+        result[run] = own
+    return result
 
 
 def _rows(

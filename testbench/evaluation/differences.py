@@ -1,4 +1,4 @@
-"""Orientations of one sensor against one another: differences, not errors, for none is the truth."""
+"""Orientations of one sensor against one another: differences, no errors, for none is the truth."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def difference_tables(name: str, sensor: SensorEstimate, compare: str | None) ->
     if compare is not None and compare not in sensor.orientation:
         why = sensor.skipped.get(compare, "it was not run")
         found = [finding("comparison.none", name, filter=compare, why=why)]
-    rows, columns = [], {}
+    rows: list[DifferenceRow] = []
+    columns: dict[str, np.ndarray] = {}
     reference = reference_of(sensor, compare)
     for first, second in pairs(sensor, compare):
         compared = compared_with(sensor, first, second)
@@ -111,9 +112,7 @@ def _row(
     )
 
 
-def _columns(
-    pair: str, known: np.ndarray, apart: OrientationErrors
-) -> dict[str, np.ndarray]:
+def _columns(pair: str, known: np.ndarray, apart: OrientationErrors) -> dict[str, np.ndarray]:
     columns = {}
     for part in ("total", "heading", "inclination"):
         whole = np.full(len(known), np.nan, dtype=np.float32)

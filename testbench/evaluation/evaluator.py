@@ -160,9 +160,7 @@ UNALIGNED = {"judged.not_aligned", "judged.joint_not_aligned"}
 """Findings of what was not aligned to the truth."""
 
 
-def _nothing_judged(
-    session: Session, estimate: Estimate, findings: list[Finding]
-) -> list[Finding]:
+def _nothing_judged(session: Session, estimate: Estimate, findings: list[Finding]) -> list[Finding]:
     """The findings of a session in which nothing was judged, that and its cause said once."""
     causes = []
     if all(session.truth_file(name) is None for name in session.sensor_names):
@@ -377,9 +375,7 @@ def tuning_findings(rows: list[TunedRow]) -> list[Finding]:
             )
         )
         if row.comparison is not None:
-            found.append(
-                finding("filter.tuned_to", filter=row.filter, comparison=row.comparison)
-            )
+            found.append(finding("filter.tuned_to", filter=row.filter, comparison=row.comparison))
         if row.on_this_session:
             found.append(finding("filter.tuned_here", filter=row.filter))
     return found

@@ -102,9 +102,7 @@ def period_of(time: np.ndarray, signal: np.ndarray) -> float | None:
     return float(step * peaks[like[peaks] >= AS_HIGH * like[peaks].max()][0])
 
 
-def _on_a_grid(
-    time: np.ndarray, signal: np.ndarray
-) -> tuple[np.ndarray | None, np.ndarray]:
+def _on_a_grid(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
     """A signal on an even grid, without its mean and trend."""
     if len(time) < 4 * LEAST_CYCLES:
         return None, signal

@@ -69,10 +69,10 @@ def change_rows(
     if len(rests.runs) < 2:
         return []
     first, last = rests.runs[0], rests.runs[-1]
-    when = [
+    begin, end = (
         float(sensor.host_time_ns[run.start] + sensor.host_time_ns[run.stop - 1]) / 2 / NANOSECONDS
         for run in (first, last)
-    ]
+    )
     rows = []
     for key, q in sensor.orientation.items():
         ends = [q[run][np.isfinite(q[run]).all(axis=1)] for run in (first, last)]
@@ -84,10 +84,14 @@ def change_rows(
             float(np.degrees(part[0]))
             for part in (change.total, change.heading, change.inclination)
         )
-        rows.append(OrientationChangeRow(name, key, *when, total, heading, inclination, returned))
+        rows.append(
+            OrientationChangeRow(name, key, begin, end, total, heading, inclination, returned)
+        )
     force = [samples.acc[run][np.isfinite(samples.acc[run]).all(axis=1)] for run in (first, last)]
     if len(force[0]) and len(force[1]):
         up, then = (part.mean(axis=0) for part in force)
         lean = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(up, then)), up @ then)))
-        rows.append(OrientationChangeRow(name, ACCELEROMETER, *when, None, None, lean, returned))
+        rows.append(
+            OrientationChangeRow(name, ACCELEROMETER, begin, end, None, None, lean, returned)
+        )
     return rows

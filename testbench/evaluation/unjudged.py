@@ -1,4 +1,4 @@
-"""What is said of sensors and joints that nobody can judge: what their recording shows by itself."""
+"""What is said of sensors and joints that nobody can judge: what a recording shows by itself."""
 
 from __future__ import annotations
 
@@ -166,6 +166,4 @@ def found_cycle_tables(found: list[FoundCycle]) -> ResultTables:
         "mean": np.concatenate([average.mean for _, average in found]),
         "sd": np.concatenate([average.sd for _, average in found]),
     }
-    return ResultTables(
-        found_cycles=[row for row, _ in found], series={FOUND_CYCLES: columns}
-    )
+    return ResultTables(found_cycles=[row for row, _ in found], series={FOUND_CYCLES: columns})

@@ -64,7 +64,7 @@ def detect_static_by_force(
     Args:
         acc: Shape (n, 3) [m/s^2].
         interval: Between samples [s].
-        real: As for `detect_static`.
+        real: Rows that were measured, shape (k,); see `detect_static`.
 
     Returns:
         Shape (n,), bool.

@@ -234,7 +234,7 @@ class Estimation(StrictModel):
         description="Of the Euler angles of each sensor that nobody judges; null: ZYX (heading, "
         "pitch, roll), or ZXY for a sensor that ZYX is in gimbal lock for.",
     )
-    compare: str | None = Field(
+    compare: Literal[FILTER_NAMES] | None = Field(  # type: ignore[valid-type]
         default=None,
         description="Filter, such as device, that all others are compared with; it is not taken "
         "for the truth. null: every pair, of sensors without truth.",

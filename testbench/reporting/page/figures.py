@@ -92,7 +92,10 @@ def error_curves(
     logarithmic = logarithmic or (not plane and not signed and flat_on_a_linear_axis(curves))
     for curve in curves:
         if curve.sd is not None and not logarithmic:
-            low = [max(y - s, 0.0) for y, s in zip(curve.y, curve.sd, strict=True) if y is not None]
+            least = -np.inf if signed else 0.0  # magnitudes end at none
+            low = [
+                max(y - s, least) for y, s in zip(curve.y, curve.sd, strict=True) if y is not None
+            ]
             high = [y + s for y, s in zip(curve.y, curve.sd, strict=True) if y is not None]
             x = [value for value, y in zip(curve.x, curve.y, strict=True) if y is not None]
             data.append(_band(x, low, high, curve))

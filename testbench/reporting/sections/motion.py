@@ -60,6 +60,11 @@ def unjudged_sensors(evaluation: Evaluation) -> list[str]:
     return list(dict.fromkeys(row.sensor for row in evaluation.rests))
 
 
+def _title(what: str, evaluation: Evaluation) -> str:
+    """Of a section, told apart from that of what was judged."""
+    return f"{what}, not judged" if evaluation.judged else what
+
+
 def _owners(evaluation: Evaluation, kind: str) -> list[str]:
     return list(dict.fromkeys(row.owner for row in evaluation.angle_ranges if row.kind == kind))
 
@@ -71,11 +76,9 @@ def joint_motion_section(
     joints = unjudged_joints(evaluation)
     if not joints:
         return None
-    section = Section("joint_motion", "Joint angles, not judged")
+    section = Section("joint_motion", _title("Joint angles", evaluation))
     for joint in joints:
-        rows = [
-            row for row in evaluation.angle_ranges if (row.kind, row.owner) == ("joint", joint)
-        ]
+        rows = [row for row in evaluation.angle_ranges if (row.kind, row.owner) == ("joint", joint)]
         if len(joints) > 1:
             section.blocks.append(Heading(joint))
         for sequence in dict.fromkeys(row.sequence for row in rows):
@@ -101,13 +104,13 @@ def sensor_motion_section(
     estimate: Estimate, evaluation: Evaluation, colours: Colours, spans: list[Span]
 ) -> Section | None:
     """Orientation of the sensors over time; None where every one is judged, or has none."""
-    sensors = [
-        name for name in unjudged_sensors(evaluation) if estimate.sensors[name].orientation
+    sensors = [name for name in unjudged_sensors(evaluation) if estimate.sensors[name].orientation]
+    changes = [
+        r for r in evaluation.orientation_changes if r.sensor in unjudged_sensors(evaluation)
     ]
-    changes = [r for r in evaluation.orientation_changes if r.sensor in unjudged_sensors(evaluation)]
     if not sensors and not changes:
         return None
-    section = Section("sensor_motion", "Orientation, not judged")
+    section = Section("sensor_motion", _title("Orientation", evaluation))
     for place, name in enumerate(sensors):
         folded = place >= MOST_DRAWN
         rows = [r for r in evaluation.angle_ranges if (r.kind, r.owner) == ("sensor", name)]
@@ -169,9 +172,7 @@ def _named_turn(sequence: str, angle: str) -> str:
     return named[place] if named else f"{angle}, about {sequence[place].lower()}"
 
 
-def _quaternions(
-    name: str, sensor: SensorEstimate, colours: Colours, spans: list[Span]
-) -> Figures:
+def _quaternions(name: str, sensor: SensorEstimate, colours: Colours, spans: list[Span]) -> Figures:
     """The four parts over time, signs chosen so that nothing jumps."""
     envelope = Envelope(sensor.host_time_ns / NANOSECONDS)
     panels: dict[str, dict[str, np.ndarray]] = {part: {} for part in "wxyz"}
@@ -215,7 +216,7 @@ def difference_section(
     rows = evaluation.comparison
     if not rows:
         return None
-    section = Section("comparison", "Comparison of the orientations, not judged")
+    section = Section("comparison", "Comparison of the orientations")
     for place, name in enumerate(dict.fromkeys(row.sensor for row in rows)):
         series = evaluation.series.get(difference_table(name), {})
         own = [r for r in rows if r.sensor == name and f"{r.first}_{r.second}_total_rad" in series]
@@ -278,7 +279,7 @@ def _comparison(rows: list[DifferenceRow]) -> Table:
             "largest [deg]",
             "inclination RMS [deg]",
             "heading RMS [deg]",
-            "mean |Δq|",
+            "mean length of Δq",
             "heading taken off [deg]",
             "between verticals [deg]",
             "samples",
@@ -287,7 +288,7 @@ def _comparison(rows: list[DifferenceRow]) -> Table:
         body,
         "How to read: differences, not errors; neither of both is the truth. The heading between "
         "both worlds is constant and is taken off first; the angle between their verticals is part "
-        "of the difference. |Δq| is the length of the difference of the unit quaternions.",
+        "of the difference. Δq is the difference of the unit quaternions.",
     )
 
 
@@ -301,10 +302,10 @@ def _ranges(caption: str, rows: list[AngleRangeRow], folded: bool = False) -> Ta
                     label(row.owner),
                     text(what + (" (flexion)" if row.flexion and row.name != "flexion" else "")),
                     text(row.filter),
-                    text(row.sequence),
-                    *(number(v, 1) for v in (row.lowest_deg, row.highest_deg, row.range_deg)),
+                    *(number(v, 1) for v in (row.range_deg, row.lowest_deg, row.highest_deg)),
                     number(row.locked_percent, 1),
                     number(row.n, 0),
+                    text(row.sequence),
                 ]
             )
         )
@@ -314,14 +315,14 @@ def _ranges(caption: str, rows: list[AngleRangeRow], folded: bool = False) -> Ta
             "of",
             "angle",
             "filter",
-            "sequence",
+            "range [deg]",
             "lowest [deg]",
             "highest [deg]",
-            "range [deg]",
             "in gimbal lock [%]",
             "samples",
-            numbers_from=4,
-        ),
+            numbers_from=3,
+        )
+        + header("sequence"),
         body,
         "How to read: over the whole recording, by estimates that nobody judged. A dash: passages "
         "of gimbal lock leave whole turns open, or the angle is not defined by itself.",
@@ -329,9 +330,7 @@ def _ranges(caption: str, rows: list[AngleRangeRow], folded: bool = False) -> Ta
     )
 
 
-def _cycle_blocks(
-    evaluation: Evaluation, kind: str, owner: str, colours: Colours
-) -> list[Block]:
+def _cycle_blocks(evaluation: Evaluation, kind: str, owner: str, colours: Colours) -> list[Block]:
     """The average cycles of one joint or sensor."""
     found = [
         (i, row)
@@ -356,6 +355,7 @@ def _cycle_blocks(
                     list(table["cycle_percent"][own]),
                     list(table["mean"][own]),
                     colours.get(row.filter or "", COLOURS[0]),
+                    list(table["sd"][own]),
                     mode="lines",
                 )
             )
@@ -369,9 +369,10 @@ def _cycle_blocks(
             Figures(
                 f"Average cycle: {owner}, {first.signal}",
                 {f"average cycle of {owner}": figure},
-                f"How to read: the mean of {counted(first.cycles, 'cycle')} that were found in the "
-                "data, for nobody planned them; each begins at a largest value of the smoothed "
-                "signal, so that 0 % is no event of a gait.",
+                f"How to read: mean and standard deviation of "
+                f"{counted(first.cycles, 'cycle')} that were found in the data, for nobody planned "
+                "them; each begins at a largest value of the smoothed signal, so that 0 % is no "
+                "event of a gait.",
             ),
         )
     return blocks
@@ -495,11 +496,7 @@ def _signals(
     thinned = f" One of {sensor.every} samples is shown." if sensor.every > 1 else ""
     return Figures(
         f"Signals over time: {name}",
-        {
-            f"signals of {name} over time": time_panels(
-                envelope.time, panels, AXES_COLOURS, spans
-            )
-        },
+        {f"signals of {name} over time": time_panels(envelope.time, panels, AXES_COLOURS, spans)},
         "How to read: as the sensor reported them, in its own axes, samples that the quality gates "
         "refuse included. Long recordings show the lowest and highest value of each short span."
         + thinned,
