@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from testbench.cli.calibrating import calibrate, calibrations
+from testbench.cli.describing import say_description
 from testbench.cli.designing import design
 from testbench.cli.emulating import emulate
 from testbench.cli.exporting import export
@@ -16,14 +17,18 @@ from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
 from testbench.cli.options import (
     CalibrationOption,
+    CompareOption,
     FiltersOption,
     JsonOption,
     ProtocolArgument,
+    ReturnedOption,
     RobotOption,
+    SequenceOption,
     SessionArgument,
     SetOption,
     TunedOption,
     analysis_request,
+    described_by,
     exit_code,
     optional,
 )
@@ -207,16 +212,21 @@ def evaluate(
     parameters: SetOption = None,
     calibration: CalibrationOption = None,
     tuned: TunedOption = None,
+    compare: CompareOption = None,
+    sequence: SequenceOption = None,
+    returned: ReturnedOption = False,
     json: JsonOption = False,
 ) -> None:
     """Compare the estimates with the truth and judge them."""
     from testbench.pipeline.analyse import judge_again
 
     opened = _open(session)
-    result = judge_again(opened, analysis_request(filters, parameters, calibration, tuned))
+    asked = analysis_request(filters, parameters, calibration, tuned)
+    result = judge_again(opened, described_by(asked, compare, sequence, returned))
     if json:
         say_json(result.to_dict())
     else:
+        say_description(result)
         say_evaluation(result, str(opened.path), None, opened.simulated)
     raise typer.Exit(exit_code(result))
 
@@ -228,13 +238,17 @@ def report(
     parameters: SetOption = None,
     calibration: CalibrationOption = None,
     tuned: TunedOption = None,
+    compare: CompareOption = None,
+    sequence: SequenceOption = None,
+    returned: ReturnedOption = False,
     json: JsonOption = False,
 ) -> None:
     """Estimate, evaluate and write report.html anew."""
     from testbench.pipeline.analyse import analyse
 
     opened = _open(session)
-    result = analyse(opened, analysis_request(filters, parameters, calibration, tuned))
+    asked = analysis_request(filters, parameters, calibration, tuned)
+    result = analyse(opened, described_by(asked, compare, sequence, returned))
     if json:
         say_json(result.to_dict())
     else:

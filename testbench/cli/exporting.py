@@ -94,6 +94,6 @@ def export(
         )
     else:
         say(f"written: {result.path}")
-        say(f"orientation by: {', '.join(result.filters)}")
+        say(f"orientation by: {', '.join(result.filters) or 'none, for no filter could run'}")
         for note in result.notes:
             say(f"note: {note}")

@@ -29,7 +29,7 @@ def noise(
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Noise at rest in data-sheet units; --out keeps it as a sensor preset."""
+    """Noise at rest in data-sheet units; --out keeps it as a sensor preset. Exit code 1: none."""
     from testbench.pipeline.noise import measure_noise
     from testbench.pipeline.request import NoiseRequest
     from testbench.records.session.session import Session
@@ -45,9 +45,11 @@ def noise(
                 "notes": found.notes,
             }
         )
-        return
-    say_noise(found.rows)
-    for note in found.notes:
-        say(f"note: {note}")
-    if out is not None:
-        say(f"written: {out}; name it in a protocol beside it as preset: {out.name}")
+    else:
+        say_noise(found.rows)
+        for note in found.notes:
+            say(f"note: {note}")
+        if out is not None:
+            say(f"written: {out}; name it in a protocol beside it as preset: {out.name}")
+    if not found.rows:
+        raise typer.Exit(1)

@@ -77,6 +77,31 @@ TunedOption = Annotated[
         help="Parameters that `testbench tune` found (.json); once for each filter that was tuned.",
     ),
 ]
+CompareOption = Annotated[
+    str | None,
+    typer.Option(
+        "--compare",
+        metavar="FILTER",
+        help="Compare every filter with this one, such as 'device'; it is not taken for the truth.",
+    ),
+]
+SequenceOption = Annotated[
+    str | None,
+    typer.Option(
+        "--sequence",
+        metavar="SEQUENCE",
+        help="Of the Euler angles of sensors without truth, such as ZYX; else ZYX, or ZXY where "
+        "that is in gimbal lock.",
+    ),
+]
+ReturnedOption = Annotated[
+    bool,
+    typer.Option(
+        "--returned",
+        help="The sensors ended at rest as they began: what their orientation changed by is an "
+        "error.",
+    ),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON object instead of tables.")
 ]
@@ -132,6 +157,26 @@ def analysis_request(
         tunings=tuple(map(str, tuned or ())),
         report=report,
     )
+
+
+def described_by(
+    asked: AnalysisRequest, compare: str | None, sequence: str | None, returned: bool
+) -> AnalysisRequest:
+    """A request with how sensors without truth are described.
+
+    Raises:
+        InputError: No such Euler sequence.
+    """
+    from typing import get_args
+
+    from testbench.exceptions import NotFoundError
+    from testbench.records.specs.strict import EulerSequence
+
+    known = list(get_args(EulerSequence))
+    if sequence is not None and sequence not in known:
+        raise NotFoundError("Euler sequence", sequence, known)
+    update = {"compare": compare, "euler_sequence": sequence, "returned": returned}
+    return asked.model_copy(update=update)
 
 
 def analysis_words(asked: AnalysisRequest) -> list[str]:

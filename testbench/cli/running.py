@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from testbench.cli.describing import say_description
 from testbench.cli.options import (
     PROTOCOL,
     CalibrationOption,
@@ -156,6 +157,7 @@ def _finish(result: Result, json: bool) -> None:
         say_json(result.to_dict())
     else:
         report = str(result.report) if result.report else None
+        say_description(result.evaluation)
         say_evaluation(
             result.evaluation, str(result.session.path), report, result.session.simulated
         )

@@ -29,15 +29,24 @@ def tune(
     ],
     out: Annotated[Path, typer.Option("--out", help="File to write (.json).")],
     objective: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--objective",
-            help="Metric to make small: total_rmse_deg, heading_rmse_deg, inclination_rmse_deg of "
-            "the sensors, "
+            help="Metric to make small: total_rmse_deg (if none is named), heading_rmse_deg, "
+            "inclination_rmse_deg of the sensors, "
             "flexion_rmse_deg, flexion_mean_abs_error_deg of the joints; elbow.flexion_rmse_deg is "
-            "that of one of them.",
+            "that of one of them. Of a comparison: total_difference_rms_deg (if none is named) and "
+            "so on.",
         ),
-    ] = "total_rmse_deg",
+    ] = None,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            "--compare",
+            metavar="FILTER",
+            help="In place of a truth: come near this filter, such as 'device'. No judgement.",
+        ),
+    ] = None,
     parameters: Annotated[
         str | None,
         typer.Option("--parameters", help="Which to tune, separated by commas; all without it."),
@@ -84,6 +93,7 @@ def tune(
         filter=filter_name,
         out=str(out),
         objective=objective,
+        compare=compare,
         tuned=entries_of(parameters),
         parameters=filter_parameters(start),
         test=tuple(map(str, test or ())),
@@ -103,6 +113,7 @@ def tune(
         say(f"tuning: {out}")
 
 
+# Long by its tables: the parameters, what they were tuned on, and the test.
 def _say_tuning(found: Tuning) -> None:
     say_table(
         f"{found.filter}, tuned for {found.objective}",
@@ -112,6 +123,7 @@ def _say_tuning(found: Tuning) -> None:
             for name in found.tuned
         ],
     )
+    against = "" if found.comparison is None else f", compared with {found.comparison}"
     tuned_on = found.of_role("tuning")
     rows: list[list[Any]] = [
         [
@@ -133,13 +145,22 @@ def _say_tuning(found: Tuning) -> None:
             rows, [*left_out, sum(known) / len(known) if known else None], strict=True
         ):
             row.append(value)
-    say_table(f"Tuned on: {found.objective}, not a test", columns, rows)
+    say_table(f"Tuned on: {found.objective}{against}, not a test", columns, rows)
     tests = found.of_role("test")
     if tests:
         rows = [[entry.session, entry.default_value, entry.value] for entry in tests]
-        say_table(f"Test: {found.objective}, never tuned on", ["session", "default", "tuned"], rows)
+        say_table(
+            f"Test: {found.objective}{against}, never tuned on",
+            ["session", "default", "tuned"],
+            rows,
+        )
     elif not found.split.leave_one_out:
         say("note: no session was held out, so it is not known what the set is worth on others")
+    if found.comparison is not None:
+        say(
+            f"note: {found.comparison} took the place of the truth: it is a comparison, and the "
+            "parameters are not shown to be better"
+        )
     if not found.search.converged:
         say("note: the refinement did not come to rest")
     for name in found.at_edge:

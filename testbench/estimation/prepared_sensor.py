@@ -18,7 +18,7 @@ from testbench.estimation.calibration.stored_calibration import corrector
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.signals.access import Correct, SampleAccess
 from testbench.estimation.signals.recording import RunFacts, SensorRecording
-from testbench.estimation.signals.segmentation import detect_static
+from testbench.estimation.signals.segmentation import detect_static, detect_static_by_force
 from testbench.model import rotation
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
@@ -148,7 +148,7 @@ def prepare_sensor(
     truth = None if motion.unaligned else motion.truth
     uniform, rows = access.regular(clock)
     measured = access.measured
-    resting = detect_static(uniform.angular_rate(), uniform.interval, rows[measured])
+    resting = _resting(uniform, rows[measured])
     static = resting[rows] & measured
     quality = access.quality(static).with_flags(motion.lost)
     quiet = static & ~quality.flagged
@@ -181,6 +181,13 @@ def prepare_sensor(
         unaligned=motion.unaligned,
     )
     return PreparedSensor(description, access, motion, alignment, uniform, correct, estimate)
+
+
+def _resting(uniform: UniformSamples, real: np.ndarray) -> np.ndarray:
+    """Rows at rest by what the sensor has: gyroscope, orientation, or accelerometer alone."""
+    if uniform.has("gyr") or uniform.device_q is not None:
+        return detect_static(uniform.angular_rate(), uniform.interval, real)
+    return detect_static_by_force(uniform.acc, uniform.interval, real)
 
 
 def _rate_age(description: SensorRecord) -> float:

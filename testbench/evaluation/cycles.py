@@ -92,7 +92,7 @@ def cut_cycles(
         if time[0] - edge <= begin and end <= time[-1] + edge
     ]
     covered = [
-        begin for begin in whole if _widest_gap(time, begin, begin + period) <= WIDEST_GAP * period
+        begin for begin in whole if widest_gap(time, begin, begin + period) <= WIDEST_GAP * period
     ]
     instants = np.array(covered)[:, None] + period * np.linspace(0, 1, POINTS)
     true_cycles = np.interp(instants, time, true)
@@ -109,7 +109,14 @@ def lasted_as_planned(step: PlannedStep) -> bool:
     return step.cycles is None or -1e-3 <= late <= MOST_LATE_S
 
 
-def _widest_gap(time: np.ndarray, begin: float, end: float) -> float:
+def widest_gap(time: np.ndarray, begin: float, end: float) -> float:
+    """The longest time from begin to end without a sample.
+
+    Args:
+        time: Of the samples, increasing, shape (n,) [s].
+        begin: Of what is looked at [s].
+        end: Of it [s].
+    """
     inside = time[np.searchsorted(time, begin) : np.searchsorted(time, end, "right")]
     return float(np.diff(inside, prepend=begin, append=end).max())
 

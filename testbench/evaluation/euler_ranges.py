@@ -71,8 +71,8 @@ def euler_range_rows(
                     section,
                     key,
                     sequence,
-                    _ranges(true, locked, shut),
-                    _ranges(estimated, locked, shut),
+                    ranges_deg(true, locked, shut),
+                    ranges_deg(estimated, locked, shut),
                     percent,
                     _outer(true, sense) if shut else None,
                     _outer(estimated, sense) if shut else None,
@@ -86,7 +86,14 @@ def _angles(sequence: str, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return angles, np.asarray(rotation.gimbal_margin(sequence, angles))
 
 
-def _ranges(angles: np.ndarray, locked: np.ndarray, shut: bool) -> list[float | None]:
+def ranges_deg(angles: np.ndarray, locked: np.ndarray, shut: bool) -> list[float | None]:
+    """Ranges of three Euler angles whose outer ones are only defined apart from gimbal lock [deg].
+
+    Args:
+        angles: Shape (n, 3) [rad].
+        locked: In gimbal lock, shape (n,), bool.
+        shut: Whether that holds for most of them, so that the outer ones have no range.
+    """
     middle = float(np.degrees(np.ptp(np.unwrap(angles[:, 1]))))
     if shut:
         return [None, middle, None]

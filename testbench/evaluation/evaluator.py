@@ -10,6 +10,7 @@ from testbench.evaluation.arm_time import arm_findings
 from testbench.evaluation.budgets import TrueArm, flexion_clock_sd, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
 from testbench.evaluation.cycles import Found, cycle_findings, cycle_tables, joint_cycles
+from testbench.evaluation.differences import difference_tables
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.field_following import following_rows
@@ -35,6 +36,12 @@ from testbench.evaluation.orientation import (
     sweep_rows,
 )
 from testbench.evaluation.outliers import outlier_rows
+from testbench.evaluation.unjudged import (
+    FoundCycle,
+    found_cycle_tables,
+    unjudged_joint,
+    unjudged_sensor,
+)
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.reference_step import reference_warning
 from testbench.records.disk.near import Instants, united
@@ -48,6 +55,7 @@ from testbench.records.session.layout import joint_table, magnetic_table, orient
 from testbench.records.session.plan import PlannedStep, judged_steps
 from testbench.records.session.samples import ImuSamples, Truth
 from testbench.records.session.session import RunStatus, Session
+from testbench.records.specs.protocol import Estimation
 
 MOST_OF_THE_ARM = 200_000
 """Instants of a long campaign at which its budgets look at the arm."""
@@ -61,13 +69,20 @@ ENDED = {
 NORM_MEANING = "error of the mean specific force at rest against standard gravity"
 
 
-def evaluate(session: Session, estimate: Estimate) -> Evaluation:
+def evaluate(
+    session: Session, estimate: Estimate, settings: Estimation | None = None
+) -> Evaluation:
     """Compare estimates with the truth and judge them by the protocol's limits.
+
+    What cannot be judged is described: how sensors and joints moved, and how far the filters lie
+    apart.
 
     Args:
         session: The recording.
         estimate: What `estimate` made of it.
+        settings: Sequence, comparison and return of what is described; the session's own if None.
     """
+    whole = estimate
     estimate, unaligned = judgeable(estimate, session.analysis.joints)
     instants = _instants(session, estimate)
     session = session.near(instants)
@@ -90,10 +105,13 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
         parts.append(joint)
         parts.append(ResultTables(findings=unaligned.get(f"joint '{name}'", [])))
         cycles += found
+    parts.append(_described(session, whole, parts, settings or session.analysis.estimate))
     outliers = outlier_rows(ResultTables.joined(parts), estimate.behaviour)
     parts.append(ResultTables(outliers=outliers, findings=estimate.findings))
     chain, found = judge_chain(session, estimate)
     tables = ResultTables.joined([*parts, chain, cycle_tables(cycles + found)])
+    if not (tables.orientation or tables.joint_angle or tables.chain):
+        tables = replace(tables, findings=_nothing_judged(session, whole, tables.findings))
     metrics, outcome = judge(session.analysis, summarise_metrics(tables) + norms)
     tables = replace(tables, findings=tables.findings + _unjudged(metrics))
     if (
@@ -101,6 +119,59 @@ def evaluate(session: Session, estimate: Estimate) -> Evaluation:
     ):  # part of what was to be judged is missing: it cannot have passed
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
     return Evaluation(**vars(tables), session=session.name, metrics=metrics, outcome=outcome)
+
+
+def _described(
+    session: Session, estimate: Estimate, parts: list[ResultTables], settings: Estimation
+) -> ResultTables:
+    """What is said of the sensors and joints that were not judged, and what is compared.
+
+    Args:
+        session: The recording.
+        estimate: Of it, with what was not aligned to the truth.
+        parts: What was judged.
+        settings: Sequence, comparison and return.
+    """
+    judged = {row.sensor for part in parts for row in part.orientation}
+    judged_joints = {row.joint for part in parts for row in part.joint_angle}
+    found: list[ResultTables] = []
+    cycles: list[FoundCycle] = []
+    for name, sensor in estimate.sensors.items():
+        if name not in judged:
+            tables, own = unjudged_sensor(session, name, sensor, settings)
+            found.append(tables)
+            cycles += own
+        elif settings.compare is not None:
+            found.append(difference_tables(name, sensor, settings.compare))
+    for name, joint in estimate.joints.items():
+        if name not in judged_joints:
+            tables, own = unjudged_joint(name, session.analysis.joints[name], joint)
+            found.append(tables)
+            cycles += own
+    if settings.compare is not None:
+        told = finding("comparison.no_truth", filter=settings.compare)
+        found.append(ResultTables(findings=[told]))
+    return ResultTables.joined([*found, found_cycle_tables(cycles)])
+
+
+OF_NO_TRUTH = {"judged.no_truth", "judged.no_truth_of_joint"}
+"""Findings of each sensor and joint that one of the whole session stands for."""
+UNALIGNED = {"judged.not_aligned", "judged.joint_not_aligned"}
+"""Findings of what was not aligned to the truth."""
+
+
+def _nothing_judged(session: Session, estimate: Estimate, findings: list[Finding]) -> list[Finding]:
+    """The findings of a session in which nothing was judged, that and its cause said once."""
+    causes = []
+    if all(session.truth_file(name) is None for name in session.sensor_names):
+        causes.append("no truth is known of any sensor")
+    if not any(sensor.orientation for sensor in estimate.sensors.values()):
+        causes.append("no filter could run")
+    if not causes and any(own.code in UNALIGNED for own in findings):
+        causes.append("the truth could not be aligned to the sensors")
+    cause = " and ".join(causes) or "no sample counts at which truth and estimate are known"
+    told = [own for own in findings if own.code not in OF_NO_TRUTH]
+    return [finding("judged.nothing", cause=cause), *told]
 
 
 def _bench_tables(session: Session, estimate: Estimate) -> ResultTables:
@@ -273,6 +344,7 @@ def _tuned_rows(estimate: Estimate) -> list[TunedRow]:
             used.tuned_utc,
             used.tuned_on,
             used.on_this_session,
+            used.comparison,
         )
         for key, used in estimate.tuned.items()
     ]
@@ -302,6 +374,8 @@ def tuning_findings(rows: list[TunedRow]) -> list[Finding]:
                 on=list(row.tuned_on),
             )
         )
+        if row.comparison is not None:
+            found.append(finding("filter.tuned_to", filter=row.filter, comparison=row.comparison))
         if row.on_this_session:
             found.append(finding("filter.tuned_here", filter=row.filter))
     return found

@@ -66,15 +66,22 @@ def _span_s(time_ns: np.ndarray, rest: slice) -> float:
 
 def _longest_run(time_ns: np.ndarray, still: np.ndarray) -> slice | None:
     """The longest run of at least three samples at rest without a gap."""
+    return max(runs_at_rest(time_ns, still), key=lambda run: run.stop - run.start, default=None)
+
+
+def runs_at_rest(time_ns: np.ndarray, still: np.ndarray) -> list[slice]:
+    """Runs of at least three samples at rest without a gap, in their order.
+
+    Args:
+        time_ns: Increasing, shape (n,) [ns].
+        still: Where the sensor is at rest, shape (n,), bool.
+    """
     broken = np.concatenate(
         [[True], ~still[1:] | ~still[:-1] | (np.diff(time_ns) > LONGEST_GAP_NS), [True]]
     )
     edges = np.flatnonzero(broken)
-    if len(edges) < 2:
-        return None
-    longest = int(np.argmax(np.diff(edges)))
-    rest = slice(int(edges[longest]), int(edges[longest + 1]))
-    return rest if rest.stop - rest.start >= 3 else None
+    long = np.flatnonzero(np.diff(edges) >= 3)
+    return [slice(int(edges[i]), int(edges[i + 1])) for i in long]
 
 
 @dataclass(frozen=True)

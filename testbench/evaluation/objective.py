@@ -25,6 +25,12 @@ OF_SENSORS = {
     "inclination_rmse_deg": "inclination",
 }
 """Metrics of an orientation, and the part of its error."""
+OF_COMPARISONS = {
+    "total_difference_rms_deg": "total",
+    "heading_difference_rms_deg": "heading",
+    "inclination_difference_rms_deg": "inclination",
+}
+"""Metrics of a comparison with an orientation that is no truth, and the part of the difference."""
 OF_JOINTS: dict[str, Callable[[list[np.ndarray]], float]] = {
     "flexion_rmse_deg": lambda steps: float(
         np.sqrt(np.mean([np.mean(np.square(step)) for step in steps]))
@@ -49,16 +55,28 @@ class Objective:
     owner: str | None = None
 
     @staticmethod
-    def parse(text: str) -> Objective:
+    def parse(text: str | None, comparison: bool = False) -> Objective:
         """From `total_rmse_deg`, `forearm.total_rmse_deg`, `elbow.flexion_rmse_deg` and the like.
+
+        Args:
+            text: As a person wrote it; the whole rotation of the sensors if None.
+            comparison: Whether nobody judges, and the metric is one of a difference.
 
         Raises:
             NotFoundError: No such metric; lists those that exist.
         """
-        owner, _, kind = text.rpartition(".")
-        if kind not in OF_SENSORS and kind not in OF_JOINTS:
-            raise NotFoundError("objective", text, [*OF_SENSORS, *OF_JOINTS])
+        known = [*OF_COMPARISONS] if comparison else [*OF_SENSORS, *OF_JOINTS]
+        owner, _, kind = (text or known[0]).rpartition(".")
+        if kind not in known:
+            raise NotFoundError(
+                "objective of a comparison" if comparison else "objective", text or "", known
+            )
         return Objective(kind, owner or None)
+
+    @property
+    def of_comparison(self) -> str:
+        """The part of a difference that it is of."""
+        return OF_COMPARISONS[self.kind]
 
     def __str__(self) -> str:
         return self.kind if self.owner is None else f"{self.owner}.{self.kind}"

@@ -62,13 +62,17 @@ def analyse(
         session: The recording.
         asked: How; as the protocol says if None.
         plan: That was run, for the result.
+
+    Raises:
+        InputError: Filters were named of a recording, or one to compare with, and none can run; an
+            earlier estimate stays.
     """
     loaded = (
         asked if isinstance(asked, LoadedAnalysis) else load_analysis(asked or AnalysisRequest())
     )
-    estimated = loaded.estimate(session)
+    estimated = loaded.estimate(session, whatever=plan is not None)
     estimated.save(session.path)
-    evaluated = evaluate(session, estimated)
+    evaluated = evaluate(session, estimated, loaded.settings(session))
     evaluated.save(session.path)
     page = _report(session, estimated, evaluated) if loaded.asked.report else None
     exports = [export_estimate(session, wanted, estimated) for wanted in loaded.asked.exports]
@@ -86,8 +90,9 @@ def judge_again(session: Session, asked: AnalysisRequest | None = None) -> Evalu
         asked: As for `load_or_estimate`.
     """
     reported = (session.path / REPORT).is_file()  # a new estimate takes it away
-    estimated = load_or_estimate(session, asked)
-    evaluated = evaluate(session, estimated)
+    loaded = load_analysis(asked or AnalysisRequest())
+    estimated = load_or_estimate(session, loaded)
+    evaluated = evaluate(session, estimated, loaded.settings(session))
     evaluated.save(session.path)
     if reported:
         _report(session, estimated, evaluated)

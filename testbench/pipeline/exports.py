@@ -8,6 +8,7 @@ from pathlib import Path
 from testbench.estimation import estimate
 from testbench.estimation.filters import FILTERS, OrientationFilter, plugins
 from testbench.evaluation import evaluate
+from testbench.evaluation.differences import DEVICE
 from testbench.exceptions import InputError, NotFoundError
 from testbench.formats.exporters import (
     TRUTH,
@@ -51,6 +52,7 @@ def export(session: Session, asked: ExportRequest) -> Exported:
         if wanted is not None and wanted not in known:
             raise NotFoundError("filter", wanted, known)
         estimated = _estimate_with(session, asked, stored)
+    estimated = _with_some_orientation(session, estimated, wanted)
     return _write(ExportSource(session, estimated, wanted, asked.frame), asked, path)
 
 
@@ -68,7 +70,19 @@ def export_estimate(session: Session, asked: ExportRequest, estimated: Estimate)
     """
     refuse_export(asked, _filters_of(estimated))
     path = _place(session, asked, asked.filter)
+    estimated = _with_some_orientation(session, estimated, asked.filter)
     return _write(ExportSource(session, estimated, asked.filter, asked.frame), asked, path)
+
+
+def _with_some_orientation(session: Session, estimated: Estimate, wanted: str | None) -> Estimate:
+    """The estimate, or one by the devices' own orientation where no filter ran and they have one.
+
+    An export without any orientation would look whole.
+    """
+    if wanted is not None or any(sensor.orientation for sensor in estimated.sensors.values()):
+        return estimated
+    own = estimate(session, [DEVICE])
+    return own if any(sensor.orientation for sensor in own.sensors.values()) else estimated
 
 
 def refuse_export(asked: ExportRequest, filters: Sequence[str]) -> None:

@@ -14,7 +14,15 @@ from testbench.records.disk.json_record import first_problem
 from testbench.records.session.layout import MANIFEST
 from testbench.records.session.session import Session
 
-CHOICES = ("filters", "parameters", "calibrations", "tunings")
+CHOICES = (
+    "filters",
+    "parameters",
+    "calibrations",
+    "tunings",
+    "compare",
+    "euler_sequence",
+    "returned",
+)
 """What decides the numbers; who names any of these when going on has all of them anew."""
 
 

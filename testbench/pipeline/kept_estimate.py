@@ -25,16 +25,21 @@ def make_estimate(session: Session, asked: AnalysisRequest | None = None) -> Est
 
 
 @session_locked
-def load_or_estimate(session: Session, asked: AnalysisRequest | None = None) -> Estimate:
+def load_or_estimate(
+    session: Session, asked: AnalysisRequest | LoadedAnalysis | None = None
+) -> Estimate:
     """The estimate on disk if it fits the recording and the request; else a new one, which is kept.
 
     Args:
         session: The recording.
         asked: How; any estimate will do if nothing is asked.
     """
-    loaded = load_analysis(asked or AnalysisRequest())
+    loaded = (
+        asked if isinstance(asked, LoadedAnalysis) else load_analysis(asked or AnalysisRequest())
+    )
     stored = stored_estimate(session)
     if stored is not None and is_as_asked(stored, session, loaded):
+        loaded.refuse_nothing(session, stored)
         return stored
     estimated = loaded.estimate(session)
     estimated.save(session.path)
@@ -60,6 +65,11 @@ def is_as_asked(stored: Estimate, session: Session, loaded: LoadedAnalysis) -> b
     """
     asked = loaded.asked
     if asked.calibrations is not None or asked.tunings:
+        return False
+    compare = loaded.settings(session).compare
+    if compare is not None and not any(
+        compare in sensor.orientation for sensor in stored.sensors.values()
+    ):
         return False
     if asked.filters is None and not asked.parameters:
         return True

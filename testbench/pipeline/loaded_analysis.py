@@ -53,11 +53,87 @@ class LoadedAnalysis:
             self.asked.parameters,
         )
 
-    def estimate(self, session: Session) -> Estimate:
-        """A new estimate of a recording; it is not kept."""
-        return estimate(
-            session, self.filters, self.calibrations, self.tunings, self.asked.parameters
+    def settings(self, session: Session) -> Estimation:
+        """How a recording's results are described: as its own settings say but for what is asked.
+
+        Args:
+            session: The recording.
+        """
+        own = session.analysis.estimate
+        asked = {
+            "compare": self.asked.compare,
+            "euler_sequence": self.asked.euler_sequence,
+            "returned": self.asked.returned or None,
+        }
+        return own.model_copy(
+            update={name: value for name, value in asked.items() if value is not None}
         )
+
+    def estimate(self, session: Session, whatever: bool = False) -> Estimate:
+        """A new estimate of a recording; it is not kept.
+
+        Args:
+            session: The recording.
+            whatever: Also one without any orientation: of a run, whose filters were chosen before
+                there was a recording.
+
+        Raises:
+            InputError: Filters were named, or one to compare with, and no sensor has what they
+                need.
+        """
+        settings = self.settings(session)
+        filters, compare = self.filters, settings.compare
+        if compare is not None:
+            chosen = self.choose(settings)
+            filters = [_as_named(kind) for kind in chosen]
+            if compare not in {kind.name for kind in chosen}:
+                filters += sound_filters([compare])
+        made = estimate(session, filters, self.calibrations, self.tunings, self.asked.parameters)
+        if not whatever:
+            self.refuse_nothing(session, made)
+        return made
+
+    def refuse_nothing(self, session: Session, made: Estimate) -> None:
+        """Refuse an estimate in which none of the filters ran that were asked for by name.
+
+        Args:
+            session: The recording.
+            made: Its estimate.
+
+        Raises:
+            InputError: Each filter and what it lacks.
+        """
+        compare = self.settings(session).compare
+        named = None if self.filters is None else [_name(kind) for kind in self.filters]
+        for filters in (named, None if compare is None else [compare]):
+            if filters is not None and not _any_ran(made, filters):
+                raise InputError(
+                    f"{session.path}: {' and '.join(filters)} cannot run, so that nothing was "
+                    f"written: {_lacking(made, filters)}"
+                )
+
+
+def _any_ran(made: Estimate, filters: Sequence[str]) -> bool:
+    return any(set(filters) & set(sensor.orientation) for sensor in made.sensors.values())
+
+
+def _lacking(made: Estimate, filters: Sequence[str]) -> str:
+    """Why filters did not run, and of which sensors."""
+    reasons: dict[str, list[str]] = {}
+    for name, sensor in made.sensors.items():
+        for key in filters:
+            why = f"{key}: {sensor.skipped.get(key, 'it was not run')}"
+            reasons.setdefault(why, []).append(name)
+    return "; ".join(f"{why} ({', '.join(names)})" for why, names in reasons.items())
+
+
+def _name(kind: str | OrientationFilter) -> str:
+    return kind if isinstance(kind, str) else kind.name
+
+
+def _as_named(kind: OrientationFilter) -> str | OrientationFilter:
+    """One that ships with the bench by its name, so that protocol and tuning set it."""
+    return kind.name if FILTERS.get(kind.name) is type(kind) else kind
 
 
 def load_analysis(asked: AnalysisRequest) -> LoadedAnalysis:

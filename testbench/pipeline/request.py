@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from testbench.drivers.arms.catalogue import SIM
-from testbench.records.specs.strict import StrictModel
+from testbench.records.specs.strict import EulerSequence, StrictModel
 
 
 def _path(given: Any) -> Any:
@@ -139,6 +139,21 @@ class AnalysisRequest(Asked):
     tunings: tuple[Place, ...] = Field(
         default=(), description="Files of tuned parameters, at most one a filter."
     )
+    compare: str | None = Field(
+        default=None,
+        description="Filter, such as `device`, that the others are compared with and that is not "
+        "taken for the truth; that of the session's settings if null.",
+    )
+    euler_sequence: EulerSequence | None = Field(
+        default=None,
+        description="Of the Euler angles of sensors that nobody judges; that of the session's "
+        "settings if null.",
+    )
+    returned: bool = Field(
+        default=False,
+        description="Whether each sensor ended at rest in the orientation it began in; true also "
+        "where the session's settings say so.",
+    )
     report: bool = Field(default=True, description="Whether to write report.html.")
     exports: tuple[ExportRequest, ...] = Field(
         default=(),
@@ -208,11 +223,20 @@ class NoiseRequest(Asked):
 class TuneRequest(Asked):
     """Which parameters of a filter are looked for, on which sessions, and how hard."""
 
-    sessions: tuple[Place, ...] = Field(description="Sessions to tune on, with truth.")
+    sessions: tuple[Place, ...] = Field(
+        description="Sessions to tune on, with truth, or with what is compared with."
+    )
     filter: str = Field(description="A name, or `path/to/file.py:ClassName`.")
     out: Place = Field(description="File to write (.json).")
-    objective: str = Field(
-        default="total_rmse_deg", description="Metric to make small, as `evaluate` spells it."
+    objective: str | None = Field(
+        default=None,
+        description="Metric to make small, as `evaluate` spells it; total_rmse_deg if null, or of "
+        "a comparison total_difference_rms_deg.",
+    )
+    compare: str | None = Field(
+        default=None,
+        description="Filter, such as `device`, that takes the place of the truth; the result is "
+        "then no judgement, and its file says so. The truth if null.",
     )
     tuned: tuple[str, ...] | None = Field(
         default=None, description="Names of the parameters to tune; all if null."

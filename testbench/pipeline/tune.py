@@ -16,6 +16,7 @@ from testbench.clock import utc_text
 from testbench.estimation.estimator import PreparedSession
 from testbench.estimation.filters import FILTERS, OrientationFilter
 from testbench.estimation.filters.tuned import choose_tuned, with_parameters
+from testbench.evaluation.compared_objective import ComparisonJudge
 from testbench.evaluation.objective import UNIT, Objective, SessionJudge
 from testbench.exceptions import InputError
 from testbench.model.noise import random_stream
@@ -89,6 +90,7 @@ class SessionTrials:
         kind: The filter; its parameters are those that are not tuned.
         names: Of the tuned parameters.
         calibrations: To correct the samples with first.
+        compare: What takes the place of the truth; the truth if None.
     """
 
     def __init__(
@@ -98,9 +100,15 @@ class SessionTrials:
         kind: OrientationFilter,
         names: Sequence[str],
         calibrations: list[SensorCalibration] | None = None,
+        compare: OrientationFilter | None = None,
     ):
         self._prepared = PreparedSession(session, calibrations, objective.joints(session))
-        self._judge = SessionJudge(session, objective, self._prepared.run([]))
+        self._judge: SessionJudge | ComparisonJudge
+        if compare is None:
+            self._judge = SessionJudge(session, objective, self._prepared.run([]))
+        else:
+            beside = self._prepared.run([compare])
+            self._judge = ComparisonJudge(session, objective, beside, compare.name)
         self._kind, self._names = kind, list(names)
         self._seen: dict[Point, float] = {}
 
@@ -144,6 +152,7 @@ def tune(asked: TuneRequest, watcher: Watcher | None = None) -> Tuning:
         None if asked.tuned is None else list(asked.tuned),
         Effort(asked.values, asked.points, asked.refinement),
         asked.leave_one_out,
+        _compared(asked, kinds[0]),
     )
     stored = None if asked.calibrations is None else load_calibrations(Path(asked.calibrations))
     now = utc_text(watcher.clock.utc())
@@ -152,6 +161,21 @@ def tune(asked: TuneRequest, watcher: Watcher | None = None) -> Tuning:
         found = found.model_copy(update={"filter_source": asked.filter})
     found.save(out)
     return found
+
+
+def _compared(asked: TuneRequest, kind: OrientationFilter) -> OrientationFilter | None:
+    """What takes the place of the truth; None where the truth judges.
+
+    Raises:
+        NotFoundError: No such filter.
+        InputError: It is the filter that is tuned.
+    """
+    if asked.compare is None:
+        return None
+    compare = choose_tuned(sound_filters([asked.compare]), [], {}, ())[0]
+    if compare.name == kind.name:
+        raise InputError(f"{kind.name} cannot be tuned to come near itself")
+    return compare
 
 
 def _divided(asked: TuneRequest) -> Sessions:
@@ -173,12 +197,14 @@ class SearchWanted:
         names: Parameters to tune; all if None.
         effort: How hard to look.
         leave_one_out: Also test each tuning session by the set that the others choose.
+        compare: What takes the place of the truth; the truth if None.
     """
 
-    objective: str
+    objective: str | None
     names: Sequence[str] | None = None
     effort: Effort = field(default_factory=Effort)
     leave_one_out: bool = False
+    compare: OrientationFilter | None = None
 
 
 # One piece: each stage of the search needs the trials and the optimum of the one before.
@@ -207,7 +233,9 @@ def find_parameters(
         SessionError: A session has no truth to judge by.
     """
     tell, effort = say or _nothing, wanted.effort
-    objective, space = Objective.parse(wanted.objective), Space.of(kind.PARAMETERS, wanted.names)
+    compare = wanted.compare
+    objective = Objective.parse(wanted.objective, compare is not None)
+    space = Space.of(kind.PARAMETERS, wanted.names)
     described = [describe(s, "tuning") for s in sessions.tuning] + [
         describe(s, "test") for s in sessions.test
     ]
@@ -220,7 +248,7 @@ def find_parameters(
     trials = []
     for session in sessions.tuning:
         tell(f"preparing {session.name}")
-        trials.append(SessionTrials(session, objective, kind, space.names, calibrations))
+        trials.append(SessionTrials(session, objective, kind, space.names, calibrations, compare))
 
     def optimum(rows: Sequence[int]) -> Optimum:
         return find_optimum(
@@ -232,7 +260,7 @@ def find_parameters(
     shared = optimum(every)
     if shared.value >= FAILED:
         raise InputError(
-            f"{kind.name} gives no finite {wanted.objective} with any of the parameters tried"
+            f"{kind.name} gives no finite {objective} with any of the parameters tried"
         )
     entries = []
     for i, entry in enumerate(described[: len(trials)]):
@@ -257,7 +285,7 @@ def find_parameters(
         entries.append(entry)
     for entry, session in zip(described[len(trials) :], sessions.test, strict=True):
         tell(f"testing on {entry.session}")
-        test = SessionTrials(session, objective, kind, space.names, calibrations)
+        test = SessionTrials(session, objective, kind, space.names, calibrations, compare)
         update = {"default_value": _finite(test(start)), "value": _finite(test(shared.point))}
         entries.append(entry.model_copy(update=update))
     combined, grid = effort.grid(space)
@@ -268,6 +296,7 @@ def find_parameters(
         filter=kind.name,
         objective=str(objective),
         unit=UNIT,
+        comparison=None if compare is None else compare.name,
         tuned=space.names,
         parameters={**kind.parameters, **_named(space, shared.point)},
         value=shared.value,

@@ -23,6 +23,13 @@ from testbench.reporting.sections.axes import axes_section
 from testbench.reporting.sections.chain import chain_section
 from testbench.reporting.sections.fit import fit_section
 from testbench.reporting.sections.joint import joint_section
+from testbench.reporting.sections.motion import (
+    difference_section,
+    joint_motion_section,
+    sensor_motion_section,
+    signal_section,
+    unjudged_joints,
+)
 from testbench.reporting.sections.orientation import orientation_section
 from testbench.reporting.sections.recording import recording_section
 from testbench.reporting.sections.session import (
@@ -122,29 +129,18 @@ def _sections(
     session: Session, estimate: Estimate | None, evaluation: Evaluation | None
 ) -> list[Section]:
     spans = section_spans(session)
-    sections = [verdict_section(evaluation), run_section(session, evaluation)]
+    described = _described_sections(session, estimate, evaluation, spans)
+    judged = evaluation is None or evaluation.judged
+    sections = [verdict_section(evaluation), *([] if judged else described)]
+    sections.append(run_section(session, evaluation))
     chain = chain_section(estimate, evaluation, spans) if estimate is not None else None
     of_chain = [chain] if chain is not None else []
-    if evaluation is not None:
-        names = [row.filter for row in evaluation.orientation] + [
-            row.filter for row in evaluation.joint_angle
-        ]
-        colours = filter_colours(
-            [name for name in session.analysis.estimate.filters if name in names] + names
-        )
-        if session.analysis.joints:
-            published = {
-                name: load_published(joint.published) if joint.published else None
-                for name, joint in session.analysis.joints.items()
-            }
-            sections.append(joint_section(evaluation, published, colours, spans))
-        sections += [
-            *of_chain,
-            orientation_section(evaluation, colours, spans),
-            uncertainty_section(evaluation, session),
-        ]
+    if evaluation is not None and judged:
+        sections += _judged_sections(session, evaluation, spans, of_chain)
+        sections += described
+    else:
+        sections += of_chain
     if estimate is not None:
-        sections += of_chain if evaluation is None else []
         sections += [fit_section(estimate), recording_section(estimate, evaluation)]
         axes = axes_section(estimate, evaluation)
         sections += [axes] if axes is not None else []
@@ -157,6 +153,51 @@ def _sections(
             )
         )
     return [*sections, provenance_section(session)]
+
+
+def _judged_sections(
+    session: Session, evaluation: Evaluation, spans: list[Span], of_chain: list[Section]
+) -> list[Section]:
+    """What was held against a truth."""
+    names = [row.filter for row in evaluation.orientation] + [
+        row.filter for row in evaluation.joint_angle
+    ]
+    colours = filter_colours(
+        [name for name in session.analysis.estimate.filters if name in names] + names
+    )
+    sections = []
+    if session.analysis.joints and set(session.analysis.joints) - set(unjudged_joints(evaluation)):
+        published = {
+            name: load_published(joint.published) if joint.published else None
+            for name, joint in session.analysis.joints.items()
+        }
+        sections.append(joint_section(evaluation, published, colours, spans))
+    return [
+        *sections,
+        *of_chain,
+        orientation_section(evaluation, colours, spans),
+        uncertainty_section(evaluation, session),
+    ]
+
+
+def _described_sections(
+    session: Session,
+    estimate: Estimate | None,
+    evaluation: Evaluation | None,
+    spans: list[Span],
+) -> list[Section]:
+    """What no truth is needed for, of sensors and joints that were not judged."""
+    if estimate is None or evaluation is None:
+        return []
+    names = [key for sensor in estimate.sensors.values() for key in sensor.orientation]
+    colours = filter_colours(names)
+    found = [
+        joint_motion_section(evaluation, colours, spans),
+        sensor_motion_section(estimate, evaluation, colours, spans),
+        difference_section(evaluation, colours, spans),
+        signal_section(session, estimate, evaluation, spans),
+    ]
+    return [section for section in found if section is not None]
 
 
 def section_spans(session: Session) -> list[Span]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.estimation.signals.segmentation import detect_static
+from testbench.estimation.signals.segmentation import detect_static, detect_static_by_force
 
 INTERVAL = 1 / 60
 
@@ -70,3 +70,28 @@ def test_a_straight_line_over_a_gap_does_not_set_the_measure_of_rest():
     static = detect_static(gyr, 0.01, real)
     assert static[100:1900].all() and static[4600:5900].all()
     assert not static[2050:2950].any()
+
+
+def leaning(noise: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """An accelerometer that leans by 20 deg and back in 2 s, with rests of 4 s between."""
+    t = np.arange(0, 60, INTERVAL)
+    phase = t % 6
+    moving = phase >= 4
+    lean = np.where(moving, np.radians(20) * np.sin(np.pi * (phase - 4) / 2) ** 2, 0.0)
+    acc = 9.80665 * np.column_stack([np.sin(lean), 0 * lean, np.cos(lean)])
+    return acc + noise * np.random.default_rng(seed).standard_normal(acc.shape), ~moving
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.003, 0.03])
+def test_an_accelerometer_alone_shows_rests_and_no_motion_is_let_in(noise):
+    acc, resting = leaning(noise)
+    static = detect_static_by_force(acc, INTERVAL)
+    assert not static[~resting].any()
+    assert static[resting].mean() > 0.45  # a second of each border is not let in
+
+
+def test_an_accelerometer_that_never_rests_has_no_rest():
+    t = np.arange(0, 60, INTERVAL)
+    shaken = np.column_stack([3 * np.sin(7 * t), 2 * np.cos(5 * t), 9.8 + np.sin(11 * t)])
+    assert not detect_static_by_force(shaken, INTERVAL).any()
+    assert not detect_static_by_force(np.full((300, 3), np.nan), INTERVAL).any()

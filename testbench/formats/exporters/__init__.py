@@ -186,7 +186,8 @@ def write_export(
     except MemoryError:
         raise BenchError(f"{path}: there is not enough memory for this export") from None
     filters = [source.filter] if kind.one_filter else source.filters
-    return Exported(path, filters, [*notes, *settings_notes(source, filters)])
+    empty = [] if filters else ["no orientation is in it, for no filter could run"]
+    return Exported(path, filters, [*notes, *empty, *settings_notes(source, filters)])
 
 
 __all__ = [

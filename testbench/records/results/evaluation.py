@@ -34,6 +34,13 @@ from testbench.records.results.evaluation_rows import (
     RankRow,
     TunedRow,
 )
+from testbench.records.results.recording_rows import (
+    AngleRangeRow,
+    DifferenceRow,
+    FoundCycleRow,
+    OrientationChangeRow,
+    RestRow,
+)
 from testbench.records.results.uncertainty import UncertaintyBudget
 from testbench.records.session.layout import EVALUATION, EVALUATION_SUMMARY, table_file
 from testbench.records.session.session_lock import session_lock
@@ -335,13 +342,22 @@ class ResultTables:
             host_time_ns, judged, and for each joint <joint>_rad, <joint>_error_rad, <joint>_sd_rad.
             "cycles": row (its place in `cycles`), cycle_percent, and estimated_rad, true_rad,
             error_rad with their standard deviations over the cycles, <name>_sd_rad; 101 rows for
-            each.
+            each. Of what is not judged: "difference_<sensor>": host_time_ns, and for each row of
+            `comparison` <first>_<second>_total_rad, ..._heading_rad, ..._inclination_rad;
+            "euler_<sensor>" and "motion_<joint>": host_time_ns, and for each filter and sequence
+            <filter>_<sequence>_first_rad and so on, unwrapped; "found_cycles": row (its place in
+            `found_cycles`), cycle_percent, mean and sd in the row's unit.
         chain: Errors of the arm's joints by the chain filter.
         magnetic_field: How far the field was disturbed.
         magnetic_errors: Heading errors by how far the field was disturbed.
         outliers: Filters far from all others.
         magnetic_following: How much of the field's changes each filter follows.
         cycles: Average cycles of sweeps.
+        comparison: Orientations of a sensor against one another, of which none is the truth.
+        angle_ranges: How far the angles of sensors and joints went that nobody judges.
+        found_cycles: Average cycles that were found in recordings without a plan.
+        rests: How long each sensor rested.
+        orientation_changes: How sensors lay in the last rest against the first.
     """
 
     joint_angle: list[JointRow] = field(default_factory=list)
@@ -364,6 +380,11 @@ class ResultTables:
     outliers: list[OutlierRow] = field(default_factory=list)
     magnetic_following: list[FieldFollowingRow] = field(default_factory=list)
     cycles: list[CycleRow] = field(default_factory=list)
+    comparison: list[DifferenceRow] = field(default_factory=list)
+    angle_ranges: list[AngleRangeRow] = field(default_factory=list)
+    found_cycles: list[FoundCycleRow] = field(default_factory=list)
+    rests: list[RestRow] = field(default_factory=list)
+    orientation_changes: list[OrientationChangeRow] = field(default_factory=list)
 
     @property
     def notes(self) -> list[str]:
@@ -398,6 +419,11 @@ class Evaluation(ResultTables):
     session: str
     metrics: list[Metric] = field(default_factory=list)
     outcome: Outcome = Outcome.NOT_MEASURED
+
+    @property
+    def judged(self) -> bool:
+        """Whether anything was held against a truth."""
+        return bool(self.orientation or self.joint_angle or self.chain)
 
     @property
     def limited(self) -> bool:

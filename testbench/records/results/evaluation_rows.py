@@ -236,6 +236,7 @@ class TunedRow:
         tuned_on: On which sessions.
         on_this_session: Whether this recording was one of them, so that its errors are those of a
             fit and not of a test.
+        comparison: Filter that took the place of the truth; None where a truth judged.
     """
 
     filter: str
@@ -244,6 +245,7 @@ class TunedRow:
     tuned_utc: str
     tuned_on: list[str]
     on_this_session: bool
+    comparison: str | None = None
 
 
 @dataclass(frozen=True)

@@ -99,6 +99,11 @@ class Tuning(StrictModel):
     )
     objective: str = Field(description="The metric that was made small, as evaluate spells it.")
     unit: str = Field(description="Of the metric.")
+    comparison: str | None = Field(
+        default=None,
+        description="Filter, such as device, that took the place of the truth: the values are "
+        "differences from it and no errors. null: a truth judged.",
+    )
     tuned: list[str] = Field(
         description="Parameters that were tuned; the others kept their defaults, or what was set."
     )
@@ -135,6 +140,7 @@ class Tuning(StrictModel):
             [name for name in self.tuned if name not in (replaced or ())],
             [entry.session for entry in self.of_role("tuning")],
             any(entry.is_recording_of(own) for entry in self.of_role("tuning")),
+            self.comparison,
         )
 
     def save(self, file: Path) -> None:
@@ -159,6 +165,7 @@ class UsedTuning:
         tuned: Names of the parameters.
         tuned_on: Names of the sessions.
         on_this_session: Whether this recording was among them, under any name.
+        comparison: Filter that took the place of the truth; None where a truth judged.
     """
 
     objective: str
@@ -167,6 +174,7 @@ class UsedTuning:
     tuned: list[str] = field(default_factory=list)
     tuned_on: list[str] = field(default_factory=list)
     on_this_session: bool = False
+    comparison: str | None = None
 
 
 def describe(session: Session, role: Literal["tuning", "test"]) -> SessionTuning:

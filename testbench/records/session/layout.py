@@ -26,6 +26,8 @@ DERIVED = (ESTIMATE, *OF_AN_ESTIMATE)
 """What may be deleted and made again."""
 CYCLES = "cycles"
 """The table of the average cycles, in the folder of the evaluation."""
+FOUND_CYCLES = "found_cycles"
+"""The table of the average cycles that were found without a plan."""
 
 _IMU, _TRUTH = "imu_", "truth_"
 
@@ -63,6 +65,21 @@ def chain_table(section: str, state: str) -> str:
 def magnetic_table(sensor: str) -> str:
     """The table of how far the field at a sensor was disturbed."""
     return f"magnetic_{sensor}"
+
+
+def difference_table(sensor: str) -> str:
+    """The table of how far a sensor's orientations lie apart."""
+    return f"difference_{sensor}"
+
+
+def euler_table(sensor: str) -> str:
+    """The table of a sensor's Euler angles."""
+    return f"euler_{sensor}"
+
+
+def motion_table(joint: str) -> str:
+    """The table of a joint's angles that nobody judges."""
+    return f"motion_{joint}"
 
 
 def table_file(name: str) -> str:

@@ -229,6 +229,22 @@ class Estimation(StrictModel):
         description="Joints of the arm from several sensors together; null: not computed.",
     )
 
+    euler_sequence: EulerSequence | None = Field(
+        default=None,
+        description="Of the Euler angles of each sensor that nobody judges; null: ZYX (heading, "
+        "pitch, roll), or ZXY for a sensor that ZYX is in gimbal lock for.",
+    )
+    compare: Literal[FILTER_NAMES] | None = Field(  # type: ignore[valid-type]
+        default=None,
+        description="Filter, such as device, that all others are compared with; it is not taken "
+        "for the truth. null: every pair, of sensors without truth.",
+    )
+    returned: bool = Field(
+        default=False,
+        description="Whether each sensor ended at rest in the orientation it began in, so that "
+        "what its orientation changed by is the closure error of the loop.",
+    )
+
     exclude: list[Exclusion] = Field(
         default=[],
         description="Intervals whose samples count as lost, each with a reason.",

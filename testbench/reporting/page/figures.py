@@ -73,6 +73,7 @@ def error_curves(
     y_title: str,
     logarithmic: bool = False,
     plane: bool = False,
+    signed: bool = False,
 ) -> Figure:
     """Lines with markers and bands.
 
@@ -84,13 +85,17 @@ def error_curves(
         y_title: Of the ordinate.
         logarithmic: The vertical axis in any case; zeros have no place on it.
         plane: Both axes are places, drawn to one scale.
+        signed: The values are no errors: the axis goes where they are, and is linear.
     """
     data: list[Figure] = []
     curves = list(curves)
-    logarithmic = logarithmic or (not plane and flat_on_a_linear_axis(curves))
+    logarithmic = logarithmic or (not plane and not signed and flat_on_a_linear_axis(curves))
     for curve in curves:
         if curve.sd is not None and not logarithmic:
-            low = [max(y - s, 0.0) for y, s in zip(curve.y, curve.sd, strict=True) if y is not None]
+            least = -np.inf if signed else 0.0  # magnitudes end at none
+            low = [
+                max(y - s, least) for y, s in zip(curve.y, curve.sd, strict=True) if y is not None
+            ]
             high = [y + s for y, s in zip(curve.y, curve.sd, strict=True) if y is not None]
             x = [value for value, y in zip(curve.x, curve.y, strict=True) if y is not None]
             data.append(_band(x, low, high, curve))
@@ -120,7 +125,7 @@ def error_curves(
         )
     layout = _layout(380, hovermode="closest" if plane else "x unified", showlegend=True)
     layout["xaxis"] = _axis(x_title)
-    layout["yaxis"] = _axis(y_title, rangemode="tozero")
+    layout["yaxis"] = _axis(y_title, rangemode="normal" if signed else "tozero")
     if logarithmic:
         layout["yaxis"] = _axis(y_title) | {
             "type": "log",

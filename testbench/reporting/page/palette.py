@@ -31,6 +31,9 @@ USUAL = ("device", "vqf_6d", "vqf_9d", "fusion", "madgwick_imu", "vqf_offline")
 REFERENCE = "#868e99"
 """Truth and published results."""
 
+AXES_COLOURS = {"x": COLOURS[4], "y": COLOURS[2], "z": COLOURS[0]}
+"""Axes of a sensor: red, green and blue, as viewers draw them."""
+
 
 def filter_colours(filters: list[str]) -> dict[str, str]:
     """Colour of each filter: those of `USUAL` always have their own, others take what is left.

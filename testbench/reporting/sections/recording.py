@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation, NoiseRow
+from testbench.records.results.recording_rows import RestRow
 from testbench.reporting.page.page import Section, Sentence
 from testbench.reporting.page.tables import (
     Cell,
@@ -29,11 +30,50 @@ def recording_section(estimate: Estimate, evaluation: Evaluation | None) -> Sect
         section.blocks += finding_sentences(
             found.at(name) for name, sensor in estimate.sensors.items() for found in sensor.findings
         )
+    if evaluation is not None and evaluation.rests:
+        section.blocks.append(_rests(evaluation.rests))
     if evaluation is not None and evaluation.noise:
         section.blocks.append(_noise(evaluation.noise))
     else:
-        section.blocks.append(Sentence("No rest was long enough to say anything of noise."))
+        section.blocks.append(Sentence(_no_noise(evaluation)))
     return section
+
+
+def _no_noise(evaluation: Evaluation | None) -> str:
+    """Why there is no noise, with the longest rest where it is known."""
+    rests = [] if evaluation is None else evaluation.rests
+    said = ", ".join(f"{row.sensor} {digits(row.longest_s, 1)} s" for row in rests)
+    longest = f": it takes {rests[0].needed_s:g} s, and the longest is {said}" if rests else ""
+    return f"No rest was long enough to say anything of noise{longest}."
+
+
+SEEN_BY = {
+    "gyr": "its gyroscope",
+    "device": "its own orientation",
+    "acc": "its accelerometer alone",
+}
+
+
+def _rests(rests: list[RestRow]) -> Table:
+    rows = [
+        Row(
+            [
+                label(row.sensor),
+                text(SEEN_BY.get(row.by, row.by)),
+                number(row.rests, 0),
+                number(row.total_s, 1),
+                number(row.longest_s, 1),
+            ]
+        )
+        for row in rests
+    ]
+    return Table(
+        "Rests",
+        header("sensor", "seen by", "rests", "in all [s]", "longest [s]", numbers_from=2),
+        rows,
+        f"How to read: rests of half a second and more; noise takes one of {rests[0].needed_s:g} "
+        "s. An accelerometer alone does not see turns about the vertical.",
+    )
 
 
 def _timing(estimate: Estimate) -> Table:

@@ -57,6 +57,8 @@ DATES = {"run": "Started", "import": "Imported", "recording": "Recorded"}
 """What the date of a session is, by its kind; an import is dated when it was made, for its files
 need not say.
 """
+SAID_BELOW = {"cycles.none_found"}
+"""Findings that stand in place of the figures they are the lack of."""
 NO_ROBOT = {"import": "none: an imported recording", "recording": "none: devices recorded alone"}
 
 
@@ -168,7 +170,10 @@ def run_section(session: Session, evaluation: Evaluation | None = None) -> Secti
     blocks.append(
         _sections(session)
         if session.steps
-        else Sentence("The session lists no steps: it is judged as a whole.")
+        else Sentence(
+            "The session lists no steps"
+            + (": it is judged as a whole." if evaluation is None or evaluation.judged else ".")
+        )
     )
     environment = session.manifest.environment
     if environment is not None:
@@ -353,7 +358,9 @@ def verdict_section(evaluation: Evaluation | None) -> Section:
                 limits=False,
             )
         )
-    section.blocks += finding_sentences(evaluation.findings)
+    section.blocks += finding_sentences(
+        own for own in evaluation.findings if own.code not in SAID_BELOW
+    )
     return section
 
 

@@ -24,7 +24,8 @@ def parameter_table(estimate: Estimate) -> Table:
             continue
         where = TUNED_HERE if used.on_this_session else "not tuned on this session"
         badge = Cell(where, kind="badge marginal" if used.on_this_session else "")
-        found = f"{', '.join(used.tuned)} tuned for {used.objective}, {used.tuned_utc[:10]}"
+        near = f" from {used.comparison}, no truth" if used.comparison else ""
+        found = f"{', '.join(used.tuned)} tuned for {used.objective}{near}, {used.tuned_utc[:10]}"
         rows.append(
             Row(
                 [

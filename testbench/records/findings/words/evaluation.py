@@ -21,6 +21,16 @@ TEMPLATES = {
     "judged.filter_left_out": Template(NOTE, "{filter} was left out: {why}"),
     "judged.samples_left_out": Template(WARNING, "{count} samples left out: {reason}"),
     "judged.no_truth": Template(NOTE, "no truth, so its orientation is not judged"),
+    "judged.nothing": Template(NOTE, "nothing was judged: {cause}"),
+    "comparison.no_truth": Template(
+        NOTE,
+        "compared with {filter}, which is a comparison and no truth: what lies between both is a "
+        "difference, and an error of neither",
+    ),
+    "comparison.none": Template(WARNING, "not compared with {filter}: {why}"),
+    "cycles.none_found": Template(
+        NOTE, "no cycles were found in {signal}: it does not repeat itself at least three times"
+    ),
     "judged.not_aligned": Template(WARNING, "{filters} not judged: not aligned to the truth"),
     "judged.joint_not_aligned": Template(
         WARNING, "{filters} not judged: a sensor of it was not aligned to the truth"
@@ -36,6 +46,11 @@ TEMPLATES = {
         WARNING, "only {judged} of {planned} samples of the others judged: {reasons}"
     ),
     "filter.tuned": Template(NOTE, "{filter} ran with {parameters}, tuned for {objective} on {on}"),
+    "filter.tuned_to": Template(
+        NOTE,
+        "{filter} was tuned to come near {comparison}, which is a comparison and no truth: its "
+        "parameters are not shown to be better",
+    ),
     "filter.tuned_here": Template(
         WARNING,
         "{filter} was tuned on this session: its errors here are those of a fit, not of a test",

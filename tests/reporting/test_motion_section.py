@@ -1,0 +1,123 @@
+"""The report of sessions without a truth: every figure that their data allow, none empty."""
+
+from __future__ import annotations
+
+import base64
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbench.estimation import estimate
+from testbench.evaluation import evaluate
+from testbench.formats import import_recording
+from testbench.reporting.report import render, report
+from tests import without_truth as made
+from tests.conftest import FakeClock
+from tests.reporting.conftest import Judged
+from tests.reporting.test_report import CHROMIUM, Page
+
+FIGURES = {
+    "one_imu": {
+        "Euler angles of wrist over time, ZYX": 12,
+        "quaternion of wrist over time": 16,
+        "difference from device of wrist over time": 9,
+        "signals of wrist over time": 9,
+        "average cycle of wrist": 2,
+    },
+    "two_dots": {
+        "angles of knee over time, isb_knee": 3,
+        "average cycle of knee": 2,
+        "Euler angles of thigh over time, ZYX": 3,
+        "Euler angles of shank over time, ZYX": 3,
+        "quaternion of thigh over time": 4,
+        "quaternion of shank over time": 4,
+        "signals of thigh over time": 3,
+        "signals of shank over time": 3,
+        "average cycle of shank": 2,
+    },
+    "accelerometer_alone": {
+        "signals of chest over time": 3,
+        "average cycle of chest": 2,
+    },
+}
+"""By kind of session, the figures and how many lines and bands each has."""
+
+
+@pytest.fixture(scope="module", params=list(FIGURES))
+def kind(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
+    session = getattr(made, request.param)(tmp_path_factory.mktemp("logs"))
+    estimated = estimate(session)
+    return request.param, Judged(session, estimated, evaluate(session, estimated))
+
+
+def drawn(page: Page) -> dict[str, dict]:
+    """The figures of a page by what a screen reader says of them."""
+    names = [str(own["aria-label"]) for _, own in page.tags if own.get("role") == "img"]
+    return dict(zip(names, page.figures, strict=True))
+
+
+def values(part) -> np.ndarray:
+    """Ordinates of a line, whichever way they are written."""
+    if isinstance(part, dict):
+        return np.frombuffer(base64.b64decode(part["bdata"]), "<f4")
+    return np.array([np.nan if value is None else value for value in part], float)
+
+
+def test_every_figure_that_the_data_allow_is_there_and_holds_data(kind):
+    name, judged = kind
+    page = Page(render(judged.session, judged.estimate, judged.evaluation))
+    figures = drawn(page)
+    assert {key: len(figure["data"]) for key, figure in figures.items()} == FIGURES[name]
+    for key, figure in figures.items():
+        for line in figure["data"]:
+            y = values(line["y"])
+            assert len(y) > 50 and np.isfinite(y).mean() > 0.9, (key, line["name"])
+
+
+def test_nothing_was_judged_stands_there_once(kind):
+    page = Page(render(kind[1].session, kind[1].estimate, kind[1].evaluation))
+    assert page.words.count("nothing was judged") == 1
+    assert "No orientation was judged" not in page.words
+    assert "Nothing was judged" not in page.words
+
+
+def test_figures_come_before_what_was_recorded(kind):
+    page = render(kind[1].session, kind[1].estimate, kind[1].evaluation)
+    assert page.index('id="signals"') < page.index('id="run"')
+
+
+def test_the_figures_of_a_judged_session_stay_as_they_were(quick: Judged):
+    page = Page(render(quick.session, quick.estimate, quick.evaluation))
+    assert not any("signals of" in key or "Euler angles" in key for key in drawn(page))
+
+
+def test_a_recorded_knee_has_its_figures(data: Path, tmp_path: Path):
+    files = sorted((data / "xsens_dot").glob("R*.csv"))
+    session = import_recording("xsens_dot", files, tmp_path / "dots", FakeClock())
+    estimated = estimate(session)
+    page = Page(render(session, estimated, evaluate(session, estimated)))
+    figures = drawn(page)
+    assert "Euler angles of RFemur over time, ZXY" in figures
+    assert "signals of RTibia over time" in figures
+    for figure in figures.values():
+        assert all(np.isfinite(values(line["y"])).mean() > 0.9 for line in figure["data"])
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_a_browser_draws_them(tmp_path: Path):
+    session = made.two_dots(tmp_path)
+    estimated = estimate(session)
+    page = report(session, estimated, evaluate(session, estimated))
+    command = [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"]
+    command += ["--no-first-run", f"--user-data-dir={tmp_path / 'profile'}"]
+    command += ["--window-size=1000,9000", "--virtual-time-budget=15000", "--enable-logging=stderr"]
+    result = subprocess.run(
+        [*command, page.as_uri()], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert "CONSOLE" not in result.stderr, result.stderr
+    assert result.stdout.count('class="main-svg"') >= 6
+    shutil.rmtree(tmp_path / "profile", ignore_errors=True)
