@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from testbench.estimation.alignment.axes import findings_on as axes_findings
 from testbench.estimation.alignment.axes import identify_axes
 from testbench.estimation.alignment.confused_sensors import in_place_of_comparison, name_confused
