@@ -46,7 +46,7 @@ def judge(tmp_path, clock):
         sensors = {}
         for i, name in enumerate(scene.segments):
             truth = reference_truth(
-                np.round(1e9 * time).astype(np.int64), orientations[name], IDENTITY, None, []
+                name, np.round(1e9 * time).astype(np.int64), orientations[name], IDENTITY, None, []
             )
             samples = samples_of(readings(scene, name, 10 + i))
             sensors[name] = ImportedSensor([samples], RATE, "made up", truth)
