@@ -139,12 +139,9 @@ def prepare_sensor(
     settings, description = run.settings, recording.described
     access = recording.samples(None if stored is None else corrector(stored))
     samples = access.samples
-    truth = None if recording.truth is None else recording.truth.thinned()
-    motion = true_motion(samples, truth, description, settings.align_clock, access.every)
+    motion = true_motion(access, recording.truth, description, settings.align_clock)
     clock = motion.clock
     time = clock.to_host(samples.device_time_ns)
-    if recording.truth is not None and recording.truth.is_long:
-        motion = replace(motion, truth=recording.truth.near(time))
     truth = None if motion.unaligned else motion.truth
     uniform, rows = access.regular(clock)
     measured = access.measured
@@ -202,7 +199,7 @@ def told_apart(sensors: dict[str, PreparedSensor], align_clock: bool) -> dict[st
         return sensors
     confused = name_confused(
         {name: sensor.motion for name, sensor in sensors.items()},
-        {name: sensor.access.samples for name, sensor in sensors.items()},
+        {name: sensor.access for name, sensor in sensors.items()},
         {name: sensor.described for name, sensor in sensors.items()},
         align_clock,
     )
