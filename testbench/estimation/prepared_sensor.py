@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
+from testbench.estimation.alignment.apart import PieceAlignment, aligned_apart, long_enough
 from testbench.estimation.alignment.axes import findings_on as axes_findings
 from testbench.estimation.alignment.axes import identify_axes
 from testbench.estimation.alignment.confused_sensors import in_place_of_comparison, name_confused
 from testbench.estimation.alignment.filter_alignment import FilterAlignment
-from testbench.estimation.alignment.frame_alignment import apply_frames
 from testbench.estimation.alignment.resting_heading import drift_finding
 from testbench.estimation.alignment.true_motion import TrueMotion, true_motion
 from testbench.estimation.calibration.calibration_sections import corrected, fit_sections
@@ -20,11 +20,13 @@ from testbench.estimation.signals.access import Correct, SampleAccess
 from testbench.estimation.signals.recording import RunFacts, SensorRecording
 from testbench.estimation.signals.segmentation import detect_static
 from testbench.model import rotation
+from testbench.model.frame_fit import apply_frames
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration_file import SensorCalibration
 from testbench.records.results.estimate import (
     CalibrationFit,
+    FrameFit,
     SensorEstimate,
     as_kept,
 )
@@ -49,6 +51,7 @@ class PreparedSensor:
         access: To its samples.
         motion: Its clock and its truth, which may be None.
         alignment: What its filters are aligned by.
+        apart: Likewise in pieces of the truth that do not fit the rest.
         uniform: The kept samples on a regular grid.
         correct: Calibration of what the filters get.
         estimate: Without any filter.
@@ -61,6 +64,7 @@ class PreparedSensor:
     uniform: UniformSamples
     correct: Correct
     estimate: SensorEstimate
+    apart: list[PieceAlignment] = field(default_factory=list)
 
     def unaligned(self, why: Finding) -> PreparedSensor:
         """The same, of a sensor whose truth cannot be compared with it.
@@ -73,6 +77,7 @@ class PreparedSensor:
             self,
             motion=replace(self.motion, unaligned=why.code),
             alignment=replace(self.alignment, truth=None),
+            apart=[],
             estimate=replace(self.estimate, unaligned=why.code, axes={}, findings=findings),
         )
 
@@ -80,6 +85,7 @@ class PreparedSensor:
         """The sensor's orientation by every filter, aligned."""
         running, skipped = self._able(filters)
         orientation, frames = {}, {}
+        in_pieces: list[dict[str, FrameFit]] = [{} for _ in self.apart]
         findings = list(self.estimate.findings)
         resting = self.estimate.static & ~self.estimate.flagged
         for key, q_earth_from_sensor in self.access.orientations(
@@ -87,6 +93,8 @@ class PreparedSensor:
         ):
             q = rotation.normalise(q_earth_from_sensor)
             frames[key], told = self.alignment.align(key, q)
+            for fits, piece in zip(in_pieces, self.apart, strict=True):
+                fits[key], _ = piece.alignment.align(key, q)
             orientation[key] = as_kept(apply_frames(q, frames[key]))
             # of an axis that the motion does not show it is enough to say it once
             codes = {own.code for own in findings}
@@ -96,13 +104,14 @@ class PreparedSensor:
             )
             if drift is not None:
                 findings.append(drift)
-        return replace(
+        found = replace(
             self.estimate,
             orientation={key: orientation[key] for key in running},
             frames={key: frames[key] for key in running},
             skipped=skipped,
             findings=findings,
         )
+        return aligned_apart(found, self.apart, in_pieces)
 
     def _able(
         self, filters: Sequence[OrientationFilter]
@@ -147,7 +156,8 @@ def prepare_sensor(
     measured = access.measured
     resting = detect_static(uniform.angular_rate(), uniform.interval, rows[measured])
     static = resting[rows] & measured
-    quality = access.quality(static).with_flags(motion.lost)
+    gates = access.quality(static)
+    quality = gates.with_flags(motion.lost)
     quiet = static & ~quality.flagged
     findings = [*findings, *access.contradictions(), *quality.findings, *motion.findings]
     calibration = CalibrationFit()
@@ -177,7 +187,15 @@ def prepare_sensor(
         stored_calibration=None if stored is None else stored.summary(),
         unaligned=motion.unaligned,
     )
-    return PreparedSensor(description, access, motion, alignment, uniform, correct, estimate)
+    pieces = []
+    if settings.align == "motion" and truth is not None:
+        for own in motion.apart:
+            sound = own.rows & ~gates.flagged
+            piece = FilterAlignment(run, own.truth, time, sound, up_stated)
+            pieces.append(PieceAlignment(piece.prepared(correct, uniform, rows, static), sound))
+    return PreparedSensor(
+        description, access, motion, alignment, uniform, correct, estimate, long_enough(pieces)
+    )
 
 
 def _rate_age(description: SensorRecord) -> float:

@@ -56,10 +56,12 @@ def test_a_long_recording_loses_what_a_short_one_loses(found):
     whole, pieces = found
     assert (whole.every, pieces.every) == (1, EVERY)
     codes = [{own.code for own in sensor.findings} for sensor in found]
-    assert {"truth.stepped", "truth.frozen"} <= codes[0] & codes[1]
+    assert {"truth.stepped", "truth.frozen", "truth.aligned_apart"} <= codes[0] & codes[1]
     same = whole.flagged[EVERY - 1 :: EVERY] == pieces.flagged
     assert same.mean() > 0.995
     assert pieces.quality["the truth stands still"] == pytest.approx(6 * RATE / EVERY, abs=3)
+    apart = [sensor.is_apart.mean() for sensor in found]
+    assert apart[1] == pytest.approx(apart[0], abs=2e-3) and apart[0] > 0.24
 
 
 def test_mean_rates_are_those_of_all_samples_however_they_come():

@@ -63,6 +63,9 @@ def from_arrow(column: pa.ChunkedArray | pa.Array) -> np.ndarray:
     is missing.
 
     Read-only where they are in one piece. `to_numpy` would load pandas likewise.
+
+    Args:
+        column: Shape (n,).
     """
     kind = column.type
     if pa.types.is_floating(kind) and column.null_count:
