@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
+from testbench.estimation.alignment.apart import PieceAlignment, aligned_apart, long_enough
 from testbench.estimation.alignment.axes import findings_on as axes_findings
 from testbench.estimation.alignment.axes import identify_axes
 from testbench.estimation.alignment.confused_sensors import in_place_of_comparison, name_confused
 from testbench.estimation.alignment.filter_alignment import FilterAlignment
-from testbench.estimation.alignment.frame_alignment import apply_frames
 from testbench.estimation.alignment.resting_heading import drift_finding
 from testbench.estimation.alignment.true_motion import TrueMotion, true_motion
 from testbench.estimation.calibration.calibration_sections import corrected, fit_sections
@@ -22,11 +22,13 @@ from testbench.estimation.signals.access import Correct, SampleAccess
 from testbench.estimation.signals.recording import RunFacts, SensorRecording
 from testbench.estimation.signals.segmentation import detect_static, detect_static_by_force
 from testbench.model import rotation
+from testbench.model.frame_fit import apply_frames
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration_file import SensorCalibration
 from testbench.records.results.estimate import (
     CalibrationFit,
+    FrameFit,
     SensorEstimate,
     as_kept,
 )
@@ -51,6 +53,7 @@ class PreparedSensor:
         access: To its samples.
         motion: Its clock and its truth, which may be None.
         alignment: What its filters are aligned by.
+        apart: Likewise in pieces of the truth that do not fit the rest.
         uniform: The kept samples on a regular grid.
         correct: Calibration of what the filters get.
         estimate: Without any filter.
@@ -63,6 +66,7 @@ class PreparedSensor:
     uniform: UniformSamples
     correct: Correct
     estimate: SensorEstimate
+    apart: list[PieceAlignment] = field(default_factory=list)
 
     def unaligned(self, why: Finding) -> PreparedSensor:
         """The same, of a sensor whose truth cannot be compared with it.
@@ -75,6 +79,7 @@ class PreparedSensor:
             self,
             motion=replace(self.motion, unaligned=why.code),
             alignment=replace(self.alignment, truth=None),
+            apart=[],
             estimate=replace(self.estimate, unaligned=why.code, axes={}, findings=findings),
         )
 
@@ -82,6 +87,7 @@ class PreparedSensor:
         """The sensor's orientation by every filter, aligned."""
         running, skipped = self._able(filters)
         orientation, frames = {}, {}
+        in_pieces: list[dict[str, FrameFit]] = [{} for _ in self.apart]
         findings = list(self.estimate.findings)
         resting = self.estimate.static & ~self.estimate.flagged
         for key, q_earth_from_sensor in self.access.orientations(
@@ -89,6 +95,8 @@ class PreparedSensor:
         ):
             q = rotation.normalise(q_earth_from_sensor)
             frames[key], told = self.alignment.align(key, q)
+            for fits, piece in zip(in_pieces, self.apart, strict=True):
+                fits[key], _ = piece.alignment.align(key, q)
             orientation[key] = as_kept(apply_frames(q, frames[key]))
             # of an axis that the motion does not show it is enough to say it once
             codes = {own.code for own in findings}
@@ -98,13 +106,14 @@ class PreparedSensor:
             )
             if drift is not None:
                 findings.append(drift)
-        return replace(
+        found = replace(
             self.estimate,
             orientation={key: orientation[key] for key in running},
             frames={key: frames[key] for key in running},
             skipped=skipped,
             findings=findings,
         )
+        return aligned_apart(found, self.apart, in_pieces)
 
     def _able(
         self, filters: Sequence[OrientationFilter]
@@ -141,18 +150,16 @@ def prepare_sensor(
     settings, description = run.settings, recording.described
     access = recording.samples(None if stored is None else corrector(stored))
     samples = access.samples
-    truth = None if recording.truth is None else recording.truth.thinned()
-    motion = true_motion(samples, truth, description, settings.align_clock, access.every)
+    motion = true_motion(access, recording.truth, description, settings.align_clock)
     clock = motion.clock
     time = clock.to_host(samples.device_time_ns)
-    if recording.truth is not None and recording.truth.is_long:
-        motion = replace(motion, truth=recording.truth.near(time))
     truth = None if motion.unaligned else motion.truth
     uniform, rows = access.regular(clock)
     measured = access.measured
     resting = _resting(uniform, rows[measured])
     static = resting[rows] & measured
-    quality = access.quality(static).with_flags(motion.lost)
+    gates = access.quality(static)
+    quality = gates.with_flags(motion.lost)
     quiet = static & ~quality.flagged
     findings = [*findings, *access.contradictions(), *quality.findings, *motion.findings]
     calibration = CalibrationFit()
@@ -182,7 +189,15 @@ def prepare_sensor(
         stored_calibration=None if stored is None else stored.summary(),
         unaligned=motion.unaligned,
     )
-    return PreparedSensor(description, access, motion, alignment, uniform, correct, estimate)
+    pieces = []
+    if settings.align == "motion" and truth is not None:
+        for own in motion.apart:
+            sound = own.rows & ~gates.flagged
+            piece = FilterAlignment(run, own.truth, time, sound, up_stated)
+            pieces.append(PieceAlignment(piece.prepared(correct, uniform, rows, static), sound))
+    return PreparedSensor(
+        description, access, motion, alignment, uniform, correct, estimate, long_enough(pieces)
+    )
 
 
 def _resting(uniform: UniformSamples, real: np.ndarray) -> np.ndarray:
@@ -211,7 +226,7 @@ def told_apart(sensors: dict[str, PreparedSensor], align_clock: bool) -> dict[st
         return sensors
     confused = name_confused(
         {name: sensor.motion for name, sensor in sensors.items()},
-        {name: sensor.access.samples for name, sensor in sensors.items()},
+        {name: sensor.access for name, sensor in sensors.items()},
         {name: sensor.described for name, sensor in sensors.items()},
         align_clock,
     )

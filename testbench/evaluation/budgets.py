@@ -333,7 +333,8 @@ def _fitted_sd(sensor: SensorEstimate) -> float | None:
     """
     stated = [
         np.linalg.norm(fit.mounting_sd_deg)
-        for fit in sensor.frames.values()
+        for frames in (sensor.frames, *sensor.frames_apart)
+        for fit in frames.values()
         if fit.mounting_sd_deg is not None
     ]
     return float(max(stated)) if stated else None

@@ -23,6 +23,7 @@ from testbench.evaluation.metrics import (
 )
 from testbench.evaluation.ranking import MEAN_SQUARE, rank_filters
 from testbench.model import rotation
+from testbench.model.frame_fit import moved_to_frames
 from testbench.model.noise import random_stream
 from testbench.model.statistics.blocks import ErrorSeries, intervals, sample_series, step_series
 from testbench.model.truth import truth_at
@@ -117,7 +118,7 @@ def sensor_errors(
     judged = (
         judged_rows(steps, truth, time, estimate.static)
         & np.isfinite(q_true[:, 0])
-        & ~estimate.flagged
+        & ~estimate.left_out
     )
     by_step = None
     if steps is not None:
@@ -125,11 +126,30 @@ def sensor_errors(
             (step, rows[judged[rows]]) for step, rows in rows_by_step(steps, time, estimate.static)
         ]
         by_step = [(step, rows) for step, rows in counted if len(rows)]
-    errors = {
-        key: aligned_errors(q, q_true, estimate.frames.get(key, FrameFit()))
-        for key, q in estimate.orientation.items()
-    }
+    errors = {key: _errors(q, q_true, estimate, key) for key, q in estimate.orientation.items()}
     return SensorErrors(name, estimate, q_true, judged, by_step, errors)
+
+
+def _errors(
+    q_estimated: np.ndarray, q_true: np.ndarray, estimate: SensorEstimate, key: str
+) -> OrientationErrors:
+    """Errors of a filter, each in the frames that the truth has there.
+
+    Args:
+        q_estimated: q_world_from_sensor by the filter, shape (n, 4).
+        q_true: The truth, shape (n, 4).
+        estimate: Of the sensor.
+        key: Name of the filter.
+    """
+    usual = estimate.frames.get(key, FrameFit())
+    errors = aligned_errors(q_estimated, q_true, usual)
+    for number, frames in enumerate(estimate.frames_apart, 1):
+        rows = np.flatnonzero(estimate.apart == number)
+        q = moved_to_frames(q_estimated[rows], usual, frames[key])
+        own = aligned_errors(q, q_true[rows], frames[key])
+        for part in ("total", "heading", "inclination"):
+            getattr(errors, part)[rows] = getattr(own, part)
+    return errors
 
 
 def aligned_errors(
@@ -214,6 +234,7 @@ def summarise_sensor(
     motions = sensor.by_motion()
     result: dict[str, list[OrientationSummary]] = {motion: [] for motion in motions}
     stated = {budget.quantity: budget for budget in budgets if budget.owner == sensor.name}
+    of_the_rest = ~sensor.estimate.is_apart  # elsewhere the truth has frames of its own
     true_angles = {part: angle(sensor.q_true) for part, angle in ANGLES.items()}
     steps = {motion: _steps_within(sensor, mask) for motion, mask in motions.items()}
     for key, errors in sensor.errors.items():
@@ -237,13 +258,12 @@ def summarise_sensor(
             for motion, mask in motions.items():
                 stream = random_stream(0, sensor.name, key, part, motion, "bootstrap")
                 found = _summary(degrees, mask, steps[motion], stream)
+                usual = mask & of_the_rest
                 if estimated is not None:
-                    found = replace(
-                        found,
-                        correlation=_correlation(estimated[mask], true_angles[part][mask], part),
-                    )
+                    pair = estimated[usual], true_angles[part][usual]
+                    found = replace(found, correlation=_correlation(*pair, part))
                 if part == "total" and motion == "dynamic":
-                    delay = orientation_delay(own, true, mask)
+                    delay = orientation_delay(own, true, usual)
                     if delay is not None:
                         sd = _finite(sensor.estimate.clock.offset_sd_s)
                         found = replace(

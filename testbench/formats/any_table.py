@@ -8,8 +8,6 @@ from testbench.exceptions import FileProblems, Problem
 from testbench.formats.mapping import TextLayout
 from testbench.formats.tables.array_table import ArrayTable
 from testbench.formats.tables.binary_kinds import HDF5, MATLAB, PARQUET, BinaryKind, binary_kind
-from testbench.formats.tables.hdf5_file import hdf5_table
-from testbench.formats.tables.matlab_file import mat_table
 from testbench.formats.tables.parquet_table import ParquetTable
 from testbench.formats.tables.text_table import (
     BLANKS,
@@ -45,13 +43,23 @@ def open_table(file: Path, layout: TextLayout) -> Table:
     kind = kind_of(file)
     if kind is PARQUET:
         return ParquetTable(file)
+    if kind in (HDF5, MATLAB):
+        return _scientific(file, kind)
+    return _text_table(file, layout)
+
+
+def _scientific(file: Path, kind: BinaryKind) -> ArrayTable:
+    """A file of MATLAB or HDF5, whose libraries are loaded for it alone: that takes longer than
+    most files of text do.
+    """
+    from testbench.formats.tables.hdf5_file import hdf5_table
+    from testbench.formats.tables.matlab_file import mat_table
+
     if kind is HDF5:
         return hdf5_table(file)
-    if kind is MATLAB:
-        with file.open("rb") as stream:
-            is_hdf5 = stream.read(10) == b"MATLAB 7.3"
-        return hdf5_table(file) if is_hdf5 else mat_table(file)
-    return _text_table(file, layout)
+    with file.open("rb") as stream:
+        is_hdf5 = stream.read(10) == b"MATLAB 7.3"
+    return hdf5_table(file) if is_hdf5 else mat_table(file)
 
 
 def kind_of(file: Path) -> BinaryKind | None:

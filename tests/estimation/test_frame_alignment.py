@@ -7,8 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.estimation.alignment.frame_alignment import apply_frames, fit_frames
+from testbench.estimation.alignment.frame_alignment import fit_frames
 from testbench.model import rotation
+from testbench.model.frame_fit import apply_frames
 from testbench.records.results.estimate import FrameFit
 
 

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from testbench.estimation.alignment.frame_alignment import (
-    apply_frames,
     findings_on,
     fit_frames_by_motion,
 )
 from testbench.estimation.alignment.hand_eye import solve_hand_eye
+from testbench.model.frame_fit import apply_frames
 
 TIME = np.linspace(0, 60, 1500)
 RICH = np.stack([np.sin(TIME), 0.7 * np.sin(1.3 * TIME), 0.5 * np.sin(0.7 * TIME)], axis=1)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from testbench.estimation.alignment.true_motion import TrueMotion, rate_instants, sensor_clock
+from testbench.estimation.alignment.true_motion import TrueMotion, sensor_clock, turning_instants
 from testbench.estimation.alignment.truth_reading import confused, fit_rates
+from testbench.estimation.signals.access import SampleAccess
 from testbench.records.findings.finding import Finding
 from testbench.records.session.manifest import SensorRecord
-from testbench.records.session.samples import ImuSamples
 
 WELL = 0.95
 """A truth that explains more is the sensor's own [1]."""
@@ -18,7 +18,7 @@ BY_A_WRONG_TRUTH = {"clock.no_common_motion", "clock.periodic", "truth.foreign"}
 
 def name_confused(
     found: Mapping[str, TrueMotion],
-    samples: Mapping[str, ImuSamples],
+    access: Mapping[str, SampleAccess],
     described: Mapping[str, SensorRecord],
     align: bool,
 ) -> dict[str, Finding]:
@@ -26,7 +26,7 @@ def name_confused(
 
     Args:
         found: Each sensor and its truth.
-        samples: Of each sensor.
+        access: To the samples of each.
         described: What is known of each.
         align: Whether clocks are to be fitted.
     """
@@ -34,10 +34,11 @@ def name_confused(
     for name, own in found.items():
         if own.truth is None or own.unaligned.startswith("truth."):
             continue
-        instants = rate_instants(samples[name], own.clock, described[name])
+        read = access[name]
+        instants = turning_instants(read, own.clock, described[name])
         fit = None
         if own.unaligned not in ("clock.no_common_motion", "clock.no_overlap"):
-            fit = fit_rates(samples[name], instants, own.truth)
+            fit = fit_rates(read.turned, instants, own.truth)
             if fit is None or fit.explained > WELL:
                 continue
         others = {}
@@ -45,12 +46,14 @@ def name_confused(
             if other != name and motion.truth is not None:
                 times = None
                 if align:
-                    clock = sensor_clock(samples[name], motion.truth, described[name], align)
+                    clock = sensor_clock(
+                        read.samples, motion.truth, described[name], align, read.every
+                    )
                     if clock.method == "arrival":
                         continue
-                    times = rate_instants(samples[name], clock, described[name])
+                    times = turning_instants(read, clock, described[name])
                 others[other] = motion.truth, times
-        wrong = confused(samples[name], instants, fit, others)
+        wrong = confused(read.turned, instants, fit, others)
         if wrong is not None:
             result[name] = wrong
     return result

@@ -186,23 +186,6 @@ def fit_frames_by_vectors(
     return fit, mounting.warning()
 
 
-def apply_frames(q_earth_from_sensor: np.ndarray, fit: FrameFit) -> np.ndarray:
-    """q_world_from_sensor by a filter and its alignment, shape (n, 4).
-
-    Args:
-        q_earth_from_sensor: By the filter, shape (n, 4).
-        fit: The alignment.
-    """
-    if fit.method == "none":
-        return q_earth_from_sensor
-    tilt = rotation.from_rotation_vector(np.radians(np.array(fit.tilt_deg)))
-    left = rotation.multiply(tilt, rotation.from_heading(np.radians(fit.heading_deg)))
-    right = rotation.conjugate(
-        rotation.from_rotation_vector(np.radians(np.array(fit.mounting_deg)))
-    )
-    return rotation.multiply(rotation.multiply(left, q_earth_from_sensor), right)
-
-
 def _degrees(vector: np.ndarray) -> tuple[float, float, float]:
     x, y, z = np.degrees(vector)
     return float(x), float(y), float(z)

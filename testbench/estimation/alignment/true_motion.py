@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from testbench.estimation.alignment.truth_reading import fit_rates, misread
+from testbench.estimation.signals.access import SampleAccess
 from testbench.estimation.signals.time_alignment import fit_clock
-from testbench.estimation.signals.truth_faults import find_faults, without_repetitions
+from testbench.estimation.signals.truth_faults import Apart, find_faults, without_repetitions
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.findings.catalogue import finding
@@ -16,6 +17,7 @@ from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import ClockFit
 from testbench.records.session.manifest import SensorRecord
 from testbench.records.session.samples import ImuSamples, Truth
+from testbench.records.session.sensor_file import TruthFile
 
 IMPORTED = "imported"
 SHIFT_TOLD_S = 0.5
@@ -26,6 +28,8 @@ FOREIGN = 0.5
 """A truth whose rates explain less of the variance than this is remarked on [1]."""
 ALIKE = 0.9
 """Magnitudes of rates that correlate by more are those of one motion [1]."""
+FROZEN, STEPPED = "the truth stands still", "the truth has stepped"
+"""Why samples are left out whose truth was lost."""
 NOT_IN_THE_WAY = {"clock.shifted", "clock.unfitted", "clock.as_stated"}
 """Findings on a clock by which the truth can still be compared."""
 
@@ -40,6 +44,7 @@ class TrueMotion:
         lost: Samples at which the truth was lost, by reason, each of shape (n,), bool.
         findings: What is odd.
         unaligned: Code of the finding by which the truth cannot be compared with it, or "".
+        apart: Pieces of the truth that do not fit the rest.
     """
 
     clock: ClockFit
@@ -47,6 +52,7 @@ class TrueMotion:
     lost: dict[str, np.ndarray] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
     unaligned: str = ""
+    apart: list[Apart] = field(default_factory=list)
 
 
 def sensor_clock(
@@ -97,33 +103,35 @@ def rate_delay(samples: ImuSamples, described: SensorRecord, every: int = 1) -> 
 
 
 def true_motion(
-    samples: ImuSamples, truth: Truth | None, described: SensorRecord, align: bool, every: int
+    access: SampleAccess, file: TruthFile | None, described: SensorRecord, align: bool
 ) -> TrueMotion:
     """Bring a sensor and its truth together.
 
     Args:
-        samples: Of the sensor.
-        truth: What it went through, or None.
+        access: To the samples of the sensor.
+        file: What it went through, or None.
         described: What is known of the sensor.
         align: Whether its clock is to be fitted.
-        every: One of how many samples of the recording these are; of all only it is known how the
-            sensor turned between two.
     """
+    samples, every = access.samples, access.every
+    truth = None if file is None else file.thinned()
     clock = sensor_clock(samples, truth, described, align, every)
-    if truth is None:
+    if file is None or truth is None:
         return TrueMotion(clock, None)
     if align and clock.refused == "no common motion":
         moving = without_repetitions(truth)
         if moving is not None:
             clock = sensor_clock(samples, moving, described, align, every)
+    if file.is_long:
+        truth = file.near(clock.to_host(samples.device_time_ns))
     told = _clock_finding(clock, truth, described, samples)
     if told is not None and told.code not in NOT_IN_THE_WAY:
         return TrueMotion(clock, truth, findings=[told], unaligned=told.code)
-    if every > 1 or described.driver != IMPORTED:
+    if described.driver != IMPORTED:
         return TrueMotion(clock, truth, findings=[] if told is None else [told])
-    sound = _without_faults(samples, TrueMotion(clock, truth), described, align)
+    sound = _without_faults(access, TrueMotion(clock, truth), described, align)
     told = _clock_finding(sound.clock, truth, described, samples)
-    doubt = _doubt(samples, sound, described)
+    doubt = _doubt(access, sound, described)
     findings = [*sound.findings]
     if doubt is not None:
         findings.append(doubt)
@@ -134,7 +142,7 @@ def true_motion(
 
 
 def _without_faults(
-    samples: ImuSamples, motion: TrueMotion, described: SensorRecord, align: bool
+    access: SampleAccess, motion: TrueMotion, described: SensorRecord, align: bool
 ) -> TrueMotion:
     """The truth without its lost parts, and the clock that is fitted to the rest.
 
@@ -143,31 +151,31 @@ def _without_faults(
     assert motion.truth is not None
     if motion.clock.method == "arrival":
         return motion
-    clock = motion.clock
-    faults = find_faults(samples, clock.to_host(samples.device_time_ns), motion.truth)
+    clock, turned = motion.clock, access.turned
+    faults = find_faults(turned, clock.to_host(turned.device_time_ns), motion.truth)
     if faults.findings and align:
-        clock = sensor_clock(samples, faults.truth, described, align)
+        clock = sensor_clock(access.samples, faults.truth, described, align, access.every)
         if clock.refused:
             return motion
-        faults = find_faults(samples, clock.to_host(samples.device_time_ns), motion.truth)
+        faults = find_faults(turned, clock.to_host(turned.device_time_ns), motion.truth)
     if not faults.findings:
         return motion
-    fit = fit_rates(samples, rate_instants(samples, clock, described), faults.truth)
+    fit = fit_rates(turned, turning_instants(access, clock, described), faults.truth)
     if fit is not None and fit.magnitudes < ALIKE:
         return motion
-    lost = {"the truth stands still": faults.frozen, "the truth has stepped": faults.stepped}
+    lost = {FROZEN: faults.frozen, STEPPED: faults.stepped}
     lost = {reason: flags for reason, flags in lost.items() if flags.any()}
-    return TrueMotion(clock, faults.truth, lost, faults.findings)
+    return TrueMotion(clock, faults.truth, lost, faults.findings, apart=faults.apart)
 
 
-def _doubt(samples: ImuSamples, motion: TrueMotion, described: SensorRecord) -> Finding | None:
+def _doubt(access: SampleAccess, motion: TrueMotion, described: SensorRecord) -> Finding | None:
     """Whether the truth, as it was read, is that of the sensor."""
     assert motion.truth is not None
-    read = rate_instants(samples, motion.clock, described)
-    fit = fit_rates(samples, read, motion.truth)
+    read = turning_instants(access, motion.clock, described)
+    fit = fit_rates(access.turned, read, motion.truth)
     if fit is None:
         return None
-    wrong = misread(samples, read, motion.truth, fit)
+    wrong = misread(access.turned, read, motion.truth, fit)
     if wrong is not None or fit.explained >= FOREIGN or fit.magnitudes >= ALIKE:
         return wrong
     if motion.clock.method == "angular_rate":  # two logs that begin and rest alike
@@ -175,16 +183,20 @@ def _doubt(samples: ImuSamples, motion: TrueMotion, described: SensorRecord) -> 
     return finding("truth.foreign", percent=100 * max(fit.explained, 0.0))
 
 
-def rate_instants(samples: ImuSamples, clock: ClockFit, described: SensorRecord) -> np.ndarray:
-    """Instants that a sensor's rates are of, on the host's clock, shape (n,), int64 [ns].
+def turning_instants(access: SampleAccess, clock: ClockFit, described: SensorRecord) -> np.ndarray:
+    """Instants that the mean rates between kept samples are of, on the host's clock, shape (n,),
+    int64 [ns].
 
     Args:
-        samples: Of the sensor.
+        access: To the samples of the sensor.
         clock: Against the host's.
         described: What is known of the sensor.
     """
-    late = round(rate_delay(samples, described) * NANOSECONDS)
-    return clock.to_host(samples.device_time_ns) - late
+    time, every = access.samples.device_time_ns, access.every
+    late = rate_delay(access.samples, described, every)
+    if every > 1:  # the middle of the samples that a mean is of
+        late += float(np.median(np.diff(time))) / NANOSECONDS * (1 - 1 / every) / 2
+    return clock.to_host(time) - round(late * NANOSECONDS)
 
 
 def _clock_finding(

@@ -18,6 +18,7 @@ from testbench.consistency import Consistency
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
 from testbench.estimation.signals.doubtful import BIT, CLIPPED_RATE, Belief, Gates, without
+from testbench.estimation.signals.mean_turning import MeanTurning
 from testbench.estimation.signals.quality import AFTER_GAP, Inspection, Quality, findings_on
 from testbench.estimation.signals.timing import (
     STRETCH,
@@ -83,11 +84,14 @@ class SampleAccess(ABC):
 
     Attributes:
         samples: Those that estimates are kept at; NaN for what no gate lets pass.
+        turned: The same with rates that are means over all samples since the one before, so that
+            they tell how the sensor turned in between.
         measured: Whether each has a rate that was measured, shape (n,), bool.
         every: One of how many that is.
     """
 
     samples: ImuSamples
+    turned: ImuSamples
     measured: np.ndarray
     every: int
     _consistency: Consistency
@@ -145,7 +149,7 @@ class WholeRecording(SampleAccess):
         sound = without(samples, doubts.unknown)
         self._consistency = Consistency()
         self._consistency.look(sound)
-        self.samples = change(sound)
+        self.samples = self.turned = change(sound)
         self._given = change(without(samples, doubts.unknown, for_filters=True))
         self._regular: tuple[ClockFit, tuple[UniformSamples, np.ndarray]] | None = None
 
@@ -223,6 +227,7 @@ class PiecewiseRecording(SampleAccess):
         self._unknown = np.zeros(self._count, dtype=np.uint8)
         self._flags: dict[str, np.ndarray] = {}
         kept: list[ImuSamples] = []
+        turning = MeanTurning(self.every)
         done, number = 0, self._count // self.every
         for piece, own in self._pieces():
             doubts = self._gates.doubt(piece)
@@ -236,10 +241,12 @@ class PiecewiseRecording(SampleAccess):
             last = np.arange(self.every - 1 - done % self.every, count, self.every)
             sound = without(piece, doubts.unknown)
             self._consistency.look(_rows_of(sound, own))
+            turning.add(self._change(_rows_of(sound, own)).gyr)
             kept.append(_rows_of(sound, own.start + last))
             done += count
         self._findings, self._numbers = inspection.findings(), inspection.counts
         self.samples = self._change(_joined(kept))
+        self.turned = replace(self.samples, gyr=turning.rates())
         self.measured = _measured(self._gates, self._unknown[self.every - 1 :: self.every])
 
     def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:

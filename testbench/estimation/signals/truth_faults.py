@@ -44,8 +44,27 @@ ANY_TURN = 1e3
 """What a sensor may have turned by while it gave no samples [rad]."""
 COMPARED_S, INSTANTS = 0.5, 5
 """Pieces are compared at so many instants of so long an end of each [s]."""
+MOST_CLASSES = 8
+"""A piece is compared with the latest of so many kinds, so that the time does not grow with the
+square of their number.
+"""
+BESIDE = 2
+"""Rows on either side of a step that are left out with it: whoever looks for jumps leaves one."""
 LEAST_ROWS = 3
 """Pieces of fewer rows are single jumps, which the evaluation leaves out and counts."""
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Pieces of a truth that fit one another and not the rest: those of another body, or world.
+
+    Attributes:
+        truth: Of these pieces alone.
+        rows: Samples well within them, shape (n,), bool.
+    """
+
+    truth: Truth
+    rows: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -57,12 +76,32 @@ class TruthFaults:
         frozen: Samples while the truth stood still, shape (n,), bool.
         stepped: Samples of pieces that do not fit the rest, shape (n,), bool.
         findings: In words.
+        apart: What those pieces hold.
     """
 
     truth: Truth
     frozen: np.ndarray
     stepped: np.ndarray
     findings: list[Finding] = field(default_factory=list)
+    apart: list[Apart] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """A truth cut where it steps.
+
+    Attributes:
+        dropped: Rows of pieces that do not fit the rest, shape (m,), bool.
+        angle: Of the largest step [rad].
+        begins: Rows that steps come before.
+        others: First row and the one after the last of the pieces that are dropped, those that fit
+            one another together.
+    """
+
+    dropped: np.ndarray
+    angle: float = 0.0
+    begins: list[int] = field(default_factory=list)
+    others: list[list[tuple[int, int]]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -106,11 +145,28 @@ class _Turning:
         return np.asarray(np.interp(time_ns, self.time_ns, self.path))
 
 
+@dataclass(frozen=True)
+class _Compared:
+    """Truth and gyroscope side by side, at the rows of the truth.
+
+    Attributes:
+        time_ns: Shape (m,) [ns].
+        q: The truth, shape (m, 4).
+        turned: Orientation by the gyroscope alone, shape (m, 4).
+        path: Angle passed through by it, shape (m,) [rad].
+    """
+
+    time_ns: np.ndarray
+    q: np.ndarray
+    turned: np.ndarray
+    path: np.ndarray
+
+
 def find_faults(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> TruthFaults:
     """Look for parts in which the truth is not that of the sensor.
 
     Args:
-        samples: All of a recording.
+        samples: Of a recording, with rates that tell how the sensor turned between them.
         time_ns: Their instants on the host's clock, increasing, shape (n,) [ns].
         truth: Orientations by a reference.
     """
@@ -130,26 +186,55 @@ def find_faults(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> Truth
     lost = np.zeros(len(known), dtype=bool)
     for first, last in frozen:
         lost[first + 1 : last + 1] = True
+    halted = lost.copy()
     stays = np.flatnonzero(~lost)
-    dropped, angle, begins = _dropped(rows[stays], q[stays], turning)
-    findings = _findings(rows, frozen, rows[stays], dropped, (angle, begins))
-    lost[stays[dropped]] = True
+    times = rows[stays]
+    cut = _cut(_Compared(times, q[stays], turning.at(times), turning.path_at(times)))
+    findings = _findings(rows, frozen, times, cut)
+    lost[stays[cut.dropped]] = True
     if not lost.any():
         return TruthFaults(truth, none, none)
-    cleaned = truth.q_world_from_sensor.copy()
-    cleaned[known[lost]] = np.nan
-    rate = None if truth.rate is None else truth.rate.copy()
-    if rate is not None:
-        rate[known[lost]] = np.nan
-    halted = np.zeros(len(known), dtype=bool)
-    for first, last in frozen:
-        halted[first + 1 : last + 1] = True
     return TruthFaults(
-        replace(truth, q_world_from_sensor=cleaned, rate=rate),
+        _only(truth, np.setdiff1d(np.arange(len(truth.host_time_ns)), known[lost])),
         _samples_of(time_ns, rows, halted),
         _samples_of(time_ns, rows, lost & ~halted),
         findings,
+        [_apart(time_ns, times, q[stays], pieces) for pieces in cut.others],
     )
+
+
+def _apart(
+    time_ns: np.ndarray, rows: np.ndarray, q: np.ndarray, pieces: list[tuple[int, int]]
+) -> Apart:
+    """What pieces that fit one another hold.
+
+    Args:
+        time_ns: Of the samples, increasing, shape (n,) [ns].
+        rows: Times of the truth, shape (m,) [ns].
+        q: The truth, shape (m, 4).
+        pieces: First row and the one after the last of each.
+    """
+    own = np.concatenate([np.arange(first, end) for first, end in pieces])
+    inner = np.zeros(len(time_ns), dtype=bool)
+    for first, end in pieces:  # as much is left out beside its ends as beside those of the rest
+        if end - first > 2 * BESIDE:
+            inner[_between(time_ns, *rows[[first + BESIDE - 1, end - BESIDE]])] = True
+    return Apart(Truth(rows[own], q[own]), inner)
+
+
+def _only(truth: Truth, rows: np.ndarray) -> Truth:
+    """A truth of which some rows alone are known.
+
+    Args:
+        truth: To take them from.
+        rows: Their numbers, shape (k,).
+    """
+    cleaned = np.full_like(truth.q_world_from_sensor, np.nan)
+    cleaned[rows] = truth.q_world_from_sensor[rows]
+    rate = None if truth.rate is None else np.full_like(truth.rate, np.nan)
+    if rate is not None and truth.rate is not None:
+        rate[rows] = truth.rate[rows]
+    return replace(truth, q_world_from_sensor=cleaned, rate=rate)
 
 
 def without_repetitions(truth: Truth) -> Truth | None:
@@ -187,10 +272,22 @@ def _samples_of(time_ns: np.ndarray, rows: np.ndarray, lost: np.ndarray) -> np.n
     """
     marked = np.zeros(len(time_ns), dtype=bool)
     for first, end in intervals_of(lost, 1):
-        begin_ns = rows[first - 2] if first > 1 else rows[0] - 1
-        end_ns = rows[end + 1] if end + 1 < len(rows) else rows[-1] + 1
-        marked |= (time_ns > begin_ns) & (time_ns < end_ns)
+        begin_ns = rows[first - BESIDE] if first >= BESIDE else rows[0] - 1
+        end_ns = rows[end + BESIDE - 1] if end + BESIDE - 1 < len(rows) else rows[-1] + 1
+        marked[_between(time_ns, begin_ns, end_ns)] = True
     return marked
+
+
+def _between(time_ns: np.ndarray, begin_ns: int, end_ns: int) -> slice:
+    """The instants strictly between two.
+
+    Args:
+        time_ns: Increasing, shape (n,) [ns].
+        begin_ns: The one before them [ns].
+        end_ns: The one after them [ns].
+    """
+    first = int(np.searchsorted(time_ns, begin_ns, side="right"))
+    return slice(first, int(np.searchsorted(time_ns, end_ns, side="left")))
 
 
 def _frozen(rows: np.ndarray, q: np.ndarray, turning: _Turning) -> list[tuple[int, int]]:
@@ -200,61 +297,57 @@ def _frozen(rows: np.ndarray, q: np.ndarray, turning: _Turning) -> list[tuple[in
     steps = np.diff(turning.time_ns, prepend=turning.time_ns[:1])
     steps = np.where(steps > LOST_S * NANOSECONDS, 0, steps)
     sampled = np.interp(rows, turning.time_ns, np.cumsum(steps))
-    found = []
-    for first, last in intervals_of(same, 1):
-        seconds = (rows[last] - rows[first]) / NANOSECONDS
-        turned = path[last] - path[first]
-        seconds = min(seconds, float(sampled[last] - sampled[first]) / NANOSECONDS)
-        if seconds >= LEAST_FROZEN_S and turned > max(LEAST_TURN, LEAST_RATE * seconds):
-            found.append((first, last))
-    return found
+    first, last = intervals_of(same, 1).T
+    seconds = (rows[last] - rows[first]) / NANOSECONDS
+    turned = path[last] - path[first]
+    seconds = np.minimum(seconds, (sampled[last] - sampled[first]) / NANOSECONDS)
+    long = (seconds >= LEAST_FROZEN_S) & (turned > np.maximum(LEAST_TURN, LEAST_RATE * seconds))
+    return list(zip(first[long].tolist(), last[long].tolist(), strict=True))
 
 
-def _dropped(
-    rows: np.ndarray, q: np.ndarray, turning: _Turning
-) -> tuple[np.ndarray, float, list[int]]:
-    """Rows of pieces that do not fit the rest, shape (m,), bool; the largest step [rad]; the rows
-    that steps come before.
-    """
-    dropped = np.zeros(len(rows), dtype=bool)
+def _cut(both: _Compared) -> _Cut:
+    """Cut a truth where it steps, and drop the pieces that do not fit those that last longest."""
+    rows = both.time_ns
+    whole = _Cut(np.zeros(len(rows), dtype=bool))
     if len(rows) < 10:
-        return dropped, 0.0, []
-    cut, within = _steps(rows, q, turning)
+        return whole
+    steps, within = _steps(both)
     usual = float(np.median(np.diff(rows)))
     gaps = np.diff(rows) > max(LEAST_GAP_S * NANOSECONDS, 2.5 * usual)
-    borders = np.flatnonzero(cut | gaps) + 1
+    borders = np.flatnonzero(steps | gaps) + 1
     if not len(borders):
-        return dropped, 0.0, []
+        return whole
     edges = np.concatenate([[0], borders, [len(rows)]])
     pieces = [(int(a), int(b)) for a, b in pairwise(edges) if not within[a:b].all()]
-    classes = _classes(pieces, rows, q, turning)
+    classes = _classes(pieces, both)
     lengths: dict[int, float] = {}
     for (first, end), own in zip(pieces, classes, strict=True):
         lengths[own] = lengths.get(own, 0.0) + float(rows[end - 1] - rows[first]) + usual
     main = max(lengths, key=lengths.__getitem__)
-    odd = [piece for piece, own in zip(pieces, classes, strict=True) if own != main]
+    others: dict[int, list[tuple[int, int]]] = {}
+    for piece, own in zip(pieces, classes, strict=True):
+        if own != main:
+            others.setdefault(own, []).append(piece)
+    odd = [piece for own in others.values() for piece in own]
     if all(end - first < LEAST_ROWS for first, end in odd):
-        return dropped, 0.0, []
+        return whole
+    dropped = within.copy()
     for first, end in odd:
         dropped[first:end] = True
-    dropped |= within
-    size = max(
-        (_misfit(rows, q, turning, a, b)[0] for a, b in pairwise(pieces)),
-        default=0.0,
-    )
+    size = max((_misfit(both, a, b)[0] for a, b in pairwise(pieces)), default=0.0)
     changes = [
         first
         for (first, _), own, before in zip(pieces[1:], classes[1:], classes, strict=False)
         if own != before
     ]
-    return dropped, size, changes
+    return _Cut(dropped, size, changes, list(others.values()))
 
 
-def _steps(rows: np.ndarray, q: np.ndarray, turning: _Turning) -> tuple[np.ndarray, np.ndarray]:
+def _steps(both: _Compared) -> tuple[np.ndarray, np.ndarray]:
     """Where the truth steps: between which rows, shape (m - 1,), and rows within a smoothed step,
     shape (m,), bool.
     """
-    path = turning.path_at(rows)
+    rows, q, path = both.time_ns, both.q, both.path
     within = np.zeros(len(rows), dtype=bool)
     steps = np.zeros(len(rows) - 1, dtype=bool)
     usual = max(float(np.median(np.diff(rows))), 1.0)
@@ -275,16 +368,15 @@ def _steps(rows: np.ndarray, q: np.ndarray, turning: _Turning) -> tuple[np.ndarr
     return steps | smooth, within
 
 
-def _classes(
-    pieces: list[tuple[int, int]], rows: np.ndarray, q: np.ndarray, turning: _Turning
-) -> list[int]:
+def _classes(pieces: list[tuple[int, int]], both: _Compared) -> list[int]:
     """Which pieces fit each other: a number for each."""
     classes: list[int] = []
     latest: dict[int, tuple[int, int]] = {}
     for piece in pieces:
         fitting = None
-        for own, other in sorted(latest.items(), key=lambda item: -item[1][1]):
-            misfit, allowed = _misfit(rows, q, turning, other, piece)
+        recent = sorted(latest.items(), key=lambda item: -item[1][1])[:MOST_CLASSES]
+        for own, other in recent:
+            misfit, allowed = _misfit(both, other, piece)
             follows = bool(classes) and own == classes[-1]
             if allowed > LOOSEST:
                 if follows:  # nothing tells them apart
@@ -300,26 +392,23 @@ def _classes(
 
 
 def _misfit(
-    rows: np.ndarray,
-    q: np.ndarray,
-    turning: _Turning,
-    before: tuple[int, int],
-    after: tuple[int, int],
+    both: _Compared, before: tuple[int, int], after: tuple[int, int]
 ) -> tuple[float, float]:
     """How differently truth and gyroscope turn from the end of one piece to the beginning of
     another, and what the gyroscope may be wrong by [rad].
     """
-    near = COMPARED_S * NANOSECONDS
+    near, rows = round(COMPARED_S * NANOSECONDS), both.time_ns
     first = max(before[0], int(np.searchsorted(rows, rows[before[1] - 1] - near)))
     end = min(after[1], int(np.searchsorted(rows, rows[after[0]] + near, side="right")))
     i = np.unique(np.linspace(first, before[1] - 1, INSTANTS).round().astype(int))
     j = np.unique(np.linspace(after[0], end - 1, INSTANTS).round().astype(int))
     i, j = (grid.ravel() for grid in np.meshgrid(i, j))
-    q_gyr_i, q_gyr_j = turning.at(rows[i]), turning.at(rows[j])
-    true = rotation.angle(rotation.multiply(rotation.conjugate(q[i]), q[j]))
-    turned = rotation.angle(rotation.multiply(rotation.conjugate(q_gyr_i), q_gyr_j))
+    true, turned = (
+        rotation.angle(rotation.multiply(rotation.conjugate(own[i]), own[j]))
+        for own in (both.q, both.turned)
+    )
     span = float(rows[after[0]] - rows[before[1] - 1]) / NANOSECONDS
-    whole = turning.path_at(rows[j]) - turning.path_at(rows[i])
+    whole = both.path[j] - both.path[i]
     allowed = LEAST_STEP + SCALE * float(whole.max()) + DRIFT * span
     return float(np.max(np.abs(true - turned))), allowed
 
@@ -328,25 +417,24 @@ def _findings(
     rows: np.ndarray,
     frozen: list[tuple[int, int]],
     stays: np.ndarray,
-    dropped: np.ndarray,
-    steps: tuple[float, list[int]],
+    cut: _Cut,
 ) -> list[Finding]:
-    angle, begins = steps
     found = []
     if frozen:
         lasted = sum(int(rows[last] - rows[first]) for first, last in frozen) / NANOSECONDS
         at = float(rows[frozen[0][0]]) / NANOSECONDS
         found.append(finding("truth.frozen", stretches=len(frozen), lost_s=lasted, at_s=at))
-    if dropped.any():
+    if cut.dropped.any():
         usual = float(np.median(np.diff(stays))) / NANOSECONDS
-        at = float(stays[begins[0] if begins else int(np.argmax(dropped))]) / NANOSECONDS
+        first = cut.begins[0] if cut.begins else int(np.argmax(cut.dropped))
+        at = float(stays[first]) / NANOSECONDS
         found.append(
             finding(
                 "truth.stepped",
-                steps=max(len(begins), 1),
-                angle_deg=float(np.degrees(angle)),
+                steps=max(len(cut.begins), 1),
+                angle_deg=float(np.degrees(cut.angle)),
                 at_s=at,
-                lost_s=float(dropped.sum()) * usual,
+                lost_s=float(cut.dropped.sum()) * usual,
             )
         )
     return found

@@ -25,6 +25,7 @@ from testbench.formats.tables.bytes_stream import (
     encoding_of,
 )
 from testbench.formats.tables.source import Columns, Kind
+from testbench.records.disk.tables import from_arrow
 
 BLANKS = " "
 """The separator of files whose columns stand apart by any number of spaces and tabs."""
@@ -204,12 +205,12 @@ class TextTable:
 
     def _array(self, column: pa.Array, kind: Kind, done: int, name: str) -> np.ndarray:
         if kind == "float":
-            return column.to_numpy(zero_copy_only=False)
+            return from_arrow(column)
         if column.null_count:
             row = int(np.argmax(column.is_null().to_numpy(zero_copy_only=False)))
             raise self.problem(f"the column {name} is empty here", done + row)
         if kind == "integer":
-            return column.to_numpy()
+            return from_arrow(column)
         parts = pc.extract_regex(column, _CLOCK)
         if parts.null_count:
             row = int(np.argmax(parts.is_null().to_numpy(zero_copy_only=False)))

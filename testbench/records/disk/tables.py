@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from testbench.exceptions import SessionError
@@ -57,16 +58,23 @@ def to_arrow(values: np.ndarray, kind: pa.DataType | None = None) -> pa.Array:
     return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(bits)])
 
 
-def from_arrow(column: pa.ChunkedArray) -> np.ndarray:
-    """The values of a column of Arrow, shape (n,), as `to_arrow` took them.
+def from_arrow(column: pa.ChunkedArray | pa.Array) -> np.ndarray:
+    """The values of a column of Arrow, shape (n,), as `to_arrow` took them; NaN for a number that
+    is missing.
 
     Read-only where they are in one piece. `to_numpy` would load pandas likewise.
+
+    Args:
+        column: Shape (n,).
     """
     kind = column.type
+    if pa.types.is_floating(kind) and column.null_count:
+        column = pc.fill_null(column, float("nan"))
     plain = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)
     if not plain or column.null_count or pa.types.is_float16(kind):
-        return np.asarray(column.to_numpy())
-    pieces = [_values(piece) for piece in column.chunks if len(piece)]
+        return np.asarray(column.to_numpy(zero_copy_only=False))
+    chunks = [column] if isinstance(column, pa.Array) else column.chunks
+    pieces = [_values(piece) for piece in chunks if len(piece)]
     if not pieces:
         return np.zeros(0, dtype=kind.to_pandas_dtype())
     return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)

@@ -269,6 +269,8 @@ class SensorFits:
             (`calibrated_utc`, `session`, `methods`).
         unaligned: Code of the finding that says why its truth cannot be compared with it, so that
             nothing of it is judged; "" where it can.
+        frames_apart: The alignment of each filter in pieces of the truth that do not fit the rest,
+            one entry a kind of pieces.
     """
 
     clock: ClockFit = field(default_factory=ClockFit)
@@ -282,6 +284,7 @@ class SensorFits:
     axes: dict[str, AxisFinding] = field(default_factory=dict)
     stored_calibration: dict[str, Any] | None = None
     unaligned: str = ""
+    frames_apart: list[dict[str, FrameFit]] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,13 +295,30 @@ class SensorEstimate(SensorFits):
         host_time_ns: Sampling instants on the host's clock, shape (n,), int64.
         static: At rest by its own signals, shape (n,), bool.
         orientation: q_world_from_sensor by filter, each of shape (n, 4), aligned.
-        flagged: Samples that the quality gates refuse, shape (n,), bool; they are not evaluated.
+        flagged: Samples that the quality gates refuse, shape (n,), bool; they are not evaluated,
+            but for those that are aligned apart.
+        apart: Of each sample, which entry of `frames_apart`, from 1, brings its orientation to the
+            truth there; 0 where `frames` did. Shape (n,); None for 0 everywhere. The orientations
+            themselves are all in the frames of the rest, and do not step.
     """
 
     host_time_ns: np.ndarray
     static: np.ndarray
     orientation: dict[str, np.ndarray]
     flagged: np.ndarray
+    apart: np.ndarray | None = None
+
+    @property
+    def is_apart(self) -> np.ndarray:
+        """Samples that are aligned apart from the rest, shape (n,), bool."""
+        if self.apart is None:
+            return np.zeros(len(self.host_time_ns), dtype=bool)
+        return self.apart > 0
+
+    @property
+    def left_out(self) -> np.ndarray:
+        """Samples that are not evaluated, shape (n,), bool."""
+        return self.flagged & ~self.is_apart
 
     def can_be_judged(self, key: str) -> bool:
         """Whether a filter's orientation was brought to the truth's frames and clock."""
@@ -525,6 +545,8 @@ def _write_sensor(file: Path, sensor: SensorEstimate) -> None:
         "static": sensor.static,
         "flagged": sensor.flagged,
     }
+    if sensor.apart is not None:
+        columns["apart"] = sensor.apart
     for key, q in sensor.orientation.items():
         columns |= split(_orientation_columns(key), q.astype(np.float32))
     write_parquet(file, columns, {"content": "estimated orientation, w x y z"})
@@ -532,13 +554,15 @@ def _write_sensor(file: Path, sensor: SensorEstimate) -> None:
 
 def _read_sensor(file: Path, summary: _SensorSummary) -> SensorEstimate:
     columns = {key: _orientation_columns(key) for key in summary.filters}
-    single = {key: key for key in ("host_time_ns", "static", "flagged")}
+    apart = ["apart"] if summary.frames_apart else []
+    single = {key: key for key in ["host_time_ns", "static", "flagged", *apart]}
     table = read_stacked(file, {**single, **columns})
     return SensorEstimate(
         **{key: getattr(summary, key) for key in _field_names(SensorFits)},
         host_time_ns=table["host_time_ns"],
         static=table["static"],
         flagged=table["flagged"],
+        apart=table.get("apart"),
         orientation={key: table[key].astype(float) for key in summary.filters},
     )
 

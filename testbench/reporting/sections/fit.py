@@ -142,13 +142,15 @@ def _clocks(estimate: Estimate) -> Table:
 def _frames(estimate: Estimate) -> Table:
     rows = []
     for name, sensor in estimate.sensors.items():
-        for key, fit in sensor.frames.items():
+        parts = [("", own) for own in sensor.frames.items()]
+        parts += [(", apart", own) for kind in sensor.frames_apart for own in kind.items()]
+        for where, (key, fit) in parts:
             rows.append(
                 Row(
                     [
                         label(key),
                         text(name),
-                        text(fit.method.replace("_", " ")),
+                        text(fit.method.replace("_", " ") + where),
                         number(fit.heading_deg, 2),
                     ]
                     + [number(value, 3) for value in fit.mounting_deg]
@@ -170,7 +172,8 @@ def _frames(estimate: Estimate) -> Table:
         "How to read: heading of the filter's earth frame seen from the world, and the rotation "
         "vector that was left between the believed and the found mounting, in the sensor frame. "
         "Without a magnetometer the heading is where a filter happened to begin; with one, sensors "
-        "agree in it as far as the magnetic field is the same where they are.",
+        "agree in it as far as the magnetic field is the same where they are. Parts of a "
+        "truth that do not fit the rest are aligned apart.",
     )
 
 

@@ -130,8 +130,8 @@ def _quality(estimate: Estimate) -> Table:
             [
                 label(name),
                 *(number(sensor.quality.get(reason), 0) for reason in reasons),
-                number(int(sensor.flagged.sum()) * sensor.every, 0),
-                number(100 * float(sensor.flagged.mean()), 3),
+                number(int(sensor.left_out.sum()) * sensor.every, 0),
+                number(100 * float(sensor.left_out.mean()), 3),
             ]
         )
         for name, sensor in estimate.sensors.items()

@@ -144,6 +144,13 @@ TEMPLATES = {
         "the reference took one body for another; {lost_s:.1f} s of it that do not fit the rest "
         "were left out",
     ),
+    "truth.aligned_apart": Template(
+        WARNING,
+        "{apart_s:.1f} s of the truth that do not fit the rest, from {at_s:.2f} s on, last and "
+        "move enough to find the frames that it has there ({kinds} beside those of the rest)",
+        "the errors of these parts are those against frames of their own; joint angles are not "
+        "judged there",
+    ),
     "truth.frozen": Template(
         WARNING,
         "the truth stands still {stretches} times, for {lost_s:.1f} s in all and first at "
