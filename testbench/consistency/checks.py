@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.consistency.excerpt import HIGHEST_RATE_HZ, Excerpt
 from testbench.consistency.fits import DEG, Pair, Reading, read_gyroscope
+from testbench.consistency.gain import find_gain
 from testbench.consistency.orientation import Read, heading_axis, read_orientation
 from testbench.consistency.rests import Rests, find_rests
 from testbench.consistency.turning import IDENTITY, MAPS, names_of
@@ -98,6 +99,8 @@ def check_excerpt(excerpt: Excerpt) -> list[Finding]:
     if has_acc and has_gyr:
         pair = Pair.of(excerpt, excerpt.acc, looked.seconds)
         looked.by_gravity = None if pair is None else read_gyroscope(pair, looked.rests.bias)
+        if pair is not None and looked.by_gravity is not None:
+            _check_gain(looked, pair, looked.by_gravity)
     if has_acc and not _check_gravity(looked):
         return looked.findings
     if has_acc and has_gyr:
@@ -175,6 +178,20 @@ def _check_gyroscope(looked: Looked) -> None:
         ]
     if not reading.turns:
         looked.unchecked.append("gyroscope against accelerometer: scale")
+
+
+def _check_gain(looked: Looked, pair: Pair, reading: Reading) -> None:
+    """Whether the gyroscope turns as far as gravity does, where its axes are in doubt by nothing
+    else.
+    """
+    assert looked.rests is not None
+    if reading.scale != 1.0 or reading.one_axis or (reading.turns and not reading.fits_as_is):
+        return
+    gain = find_gain(pair, np.zeros(3) if looked.rests.bias is None else looked.rests.bias)
+    if gain is None or not gain.is_other:
+        return
+    rate = looked.excerpt.samples / looked.seconds
+    looked.tell("gain_or_rate", gain=gain.value, rate_hz=rate, other_rate_hz=rate / gain.value)
 
 
 def _in_short(unchecked: list[str]) -> str:
@@ -275,7 +292,7 @@ def _check_gravity(looked: Looked) -> bool:
     like_gravity = (
         turned is None
         or ratio > REMOVED_BELOW
-        or abs(turned / norm - 1) < UNIT_WITHIN
+        or abs(turned - norm) < UNIT_WITHIN * norm
         or abs(norm - 1) < ONE_G_WITHIN
     )
     if fitting and like_gravity:

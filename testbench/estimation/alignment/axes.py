@@ -93,6 +93,16 @@ GAINS = {
     "gyr": (180 / np.pi, "deg/s were taken for rad/s"),
     "acc": (1 / 9.80665, "g were taken for m/s^2"),
 }
+GAIN_WITHIN, GYR_GAIN_WITHIN = 0.25, 0.08
+"""A triad may read by so much more or less than it felt; a gyroscope whose motion is understood by
+so much: parts are right to 3 %, and 2 % more over temperature (data sheet of the MPU-6050).
+"""
+SURE = 0.95
+"""Part of the readings' variance that is explained where their size is believed [1]."""
+
+
+def _is_sure(own: AxisFinding) -> bool:
+    return own.axes == STRAIGHT and own.agreement is not None and own.agreement > SURE
 
 
 def _odd(triad: str, own: AxisFinding) -> Finding | None:
@@ -104,7 +114,8 @@ def _odd(triad: str, own: AxisFinding) -> Finding | None:
         return None if usual else finding("axes.quaternion", reading=own.axes)
     if triad == "mag":
         return None if own.axes == STRAIGHT else _two_readings(own.axes, own.field_dip_deg)
-    if own.gain is not None and not 0.8 < own.gain < 1.25:
+    within = 1 + (GYR_GAIN_WITHIN if triad == "gyr" and _is_sure(own) else GAIN_WITHIN)
+    if own.gain is not None and not 1 / within < own.gain < within:
         factor, why = GAINS.get(triad, (0.0, ""))
         if factor and 0.8 < own.gain / factor < 1.25:
             return finding("axes.gain_of_unit", triad=name, gain=own.gain, cause=why)

@@ -71,6 +71,10 @@ An impact rings, and sensors have a low pass: the sharpest heel strike of gaitma
 m/s^2 in one reading at 204.8 Hz, exceeds them by 9.9.
 """
 NEARBY = np.array([-7, -6, -5, -4, -3, -2, 2, 3, 4, 5, 6, 7])
+FILLER_STEPS, FILLER_NEAR = 5.0, 5
+"""A reading that is repeated is a filler if it is so many times further from both its neighbours
+than any of so many before it were from one another.
+"""
 ALIVE = 0.1
 """A gyroscope that turns by this just before and just after does not read exactly 0 in all axes
 between [rad/s].
@@ -298,6 +302,7 @@ class Gates:
             if len(rows):
                 doubts.add(STUCK, rows, key)
                 self._whole_board(doubts, samples, rows)
+                self._fillers(doubts, key, getattr(samples, key), rows)
 
     def _whole_board(self, doubts: Doubts, samples: ImuSamples, rows: np.ndarray) -> None:
         """Where everything repeats while one triad is stuck, all of it is stuck."""
@@ -307,6 +312,24 @@ class Gates:
             same &= (array[rows] == array[rows - 1]).all(axis=1)
         if same.any():
             doubts.add(STUCK, rows[same], *self._triads)
+
+    def _fillers(self, doubts: Doubts, key: str, array: np.ndarray, rows: np.ndarray) -> None:
+        """The reading that a run repeats, where it stands as far off the one before the run as from
+        the one after: a number that the logger put in, such as -1, and none that was measured.
+        """
+        lengths = lengths_of(rows)
+        first = rows[np.cumsum(lengths) - lengths] - 1
+        after = first + lengths + 1
+        inside = (first >= FILLER_NEAR) & (after < len(array))
+        first, after = first[inside], after[inside]
+        near = array[first[:, None] - np.arange(1, FILLER_NEAR + 1)]
+        into = np.abs(array[first] - array[first - 1]).max(axis=1)
+        usual = np.abs(np.diff(near, axis=1)).max(axis=(1, 2), initial=0.0)
+        out = np.abs(array[after] - array[first]).max(axis=1)
+        with np.errstate(invalid="ignore"):
+            odd = (into > FILLER_STEPS * usual) & (out > FILLER_STEPS * usual)
+        if odd.any():
+            doubts.add(STUCK, first[odd], key)
 
     def _clipped(self, doubts: Doubts, key: str, array: np.ndarray) -> None:
         """Readings at a stated full scale, or at a plateau."""

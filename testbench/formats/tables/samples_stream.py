@@ -244,7 +244,10 @@ def stack(columns: Columns, names: list[str], factor: float = 1.0) -> np.ndarray
         Shape (n, k).
     """
     result = np.column_stack([columns[name] for name in names])
-    return result if factor == 1.0 else result * factor
+    if factor == 1.0:
+        return result
+    with np.errstate(over="ignore"):  # infinite: not finite is what is said of it later
+        return np.asarray(result * factor)
 
 
 def specific_force(q_earth_from_sensor: np.ndarray, free_acceleration: np.ndarray) -> np.ndarray:

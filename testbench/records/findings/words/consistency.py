@@ -65,6 +65,14 @@ TEMPLATES = {
         "--rate {other_rate_hz:.4g} or the key rate_hz; --unit gyr=UNIT in the unit it was read "
         "in confirms it as it is",
     ),
+    "consistency.gain_or_rate": Template(
+        WARNING,
+        "gravity turns {gain:.3g} times as far as its gyroscope says at {rate_hz:.4g} Hz",
+        "its scale is wrong by that, or the samples came at {other_rate_hz:.4g} Hz; gravity alone "
+        "cannot tell which",
+        "if the rate is right, the key gyr.scale: {gain:.3g} of the mapping mends it; if it is "
+        "not, --rate {other_rate_hz:.4g} or the key rate_hz",
+    ),
     "consistency.gyr_mirrored": Template(
         WARNING,
         "gyroscope and accelerometer contradict each other: gravity turns as the gyroscope says "
