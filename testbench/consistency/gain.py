@@ -13,7 +13,7 @@ import numpy as np
 from testbench.consistency.fits import FEW_WINDOWS, FLOOR, Pair, is_clear
 from testbench.consistency.turning import BLOCKS
 
-RANGE = (0.55, 1.8)
+RANGE = (0.4, 2.5)
 """Gains that are looked among; beyond, they are those of another range, or rate."""
 COARSE = 1.1
 """Ratio of neighbouring gains that are tried first."""
@@ -74,9 +74,7 @@ def _refined(pair: Pair, gain: float, bias: np.ndarray) -> tuple[float, np.ndarr
     for _ in range(ROUNDS):
         now = _deviations(pair, gain, bias)
         turned = (_deviations(pair, gain * (1 + step), bias) - now) / step
-        slopes = [
-            (_deviations(pair, gain, bias + step * axis) - now) / step for axis in np.eye(3)
-        ]
+        slopes = [(_deviations(pair, gain, bias + step * axis) - now) / step for axis in np.eye(3)]
         slope = np.stack([turned, *slopes], axis=-1)
         # windows that something shakes count less
         variance = np.sum(now**2, axis=(1, 2)) / BLOCKS + (FLOOR * pair.usual) ** 2

@@ -28,6 +28,8 @@ from testbench.records.session.samples import AXES, ImuSamples, Truth
 MOST_SAMPLES = 20_000
 LEAST_RATE, LEAST_FORCE = np.radians(3.0), 1.0
 """RMS that an axis must see beyond what the others see, to be told from them [rad/s], [m/s^2]."""
+MOST_OFFSET = 0.1
+"""Part of what an accelerometer reads at rest that its offset may be."""
 LEAST_FIELD_MARGIN = 3.0
 """A map of the magnetometer must explain this many times more of the field's variance than the next
 best.
@@ -64,7 +66,7 @@ def identify_axes(
     rest = known & static[pick] & np.isfinite(samples.acc[pick]).all(axis=1)
     if rest.sum() >= 20:
         force = rotation.rotate(rotation.conjugate(q[rest]), -gravity)
-        found["acc"] = _triad(samples.acc[pick][rest], force, LEAST_FORCE)
+        found["acc"] = _by_gravity(samples.acc[pick][rest], force)
     if samples.mag is not None:
         felt = known & np.isfinite(samples.mag[pick]).all(axis=1)
         if felt.sum() >= 20:
@@ -165,6 +167,24 @@ def true_rates(
     turned = rotation.multiply(rotation.conjugate(before[sound]), after[sound])
     rate[sound] = rotation.to_rotation_vector(turned) * NANOSECONDS / (2 * half)
     return rate, sound
+
+
+def _by_gravity(read: np.ndarray, felt: np.ndarray) -> AxisFinding:
+    """The accelerometer's axes from rests, shapes (n, 3) [m/s^2].
+
+    A few rests fit any three columns and an offset. An offset that no part has says that gravity is
+    not where the world of the truth has it.
+    """
+    own = _triad(read, felt, LEAST_FORCE)
+    if own.axes is None:
+        return own
+    # readings = response @ felt, through the origin, by the axes that were seen
+    response = np.linalg.lstsq(felt, read, rcond=None)[0].T
+    left = read - felt @ response.T
+    off = float(np.sqrt(np.mean(np.sum(left**2, axis=1))))
+    if off > MOST_OFFSET * float(np.mean(np.linalg.norm(read, axis=1))):
+        return AxisFinding(unseen=list(AXES))
+    return own
 
 
 def _triad(read: np.ndarray, felt: np.ndarray, least: float) -> AxisFinding:

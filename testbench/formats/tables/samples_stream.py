@@ -285,8 +285,9 @@ def increment_rate(dq: np.ndarray, rate: float) -> np.ndarray:
 
 
 def _unit(q: np.ndarray) -> np.ndarray:
-    norm = np.linalg.norm(q, axis=1, keepdims=True)
-    return q / np.where(norm > 0, norm, np.nan)
+    with np.errstate(over="ignore", invalid="ignore"):
+        norm = np.linalg.norm(q, axis=1, keepdims=True)
+        return np.asarray(q / np.where((norm > 0) & np.isfinite(norm), norm, np.nan))
 
 
 def measured_rate(samples: ImuSamples) -> float | None:
