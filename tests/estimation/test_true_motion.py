@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +33,10 @@ def truth_of(samples: ImuSamples, rows: int = 0) -> Truth:
 
 
 def told(samples: ImuSamples, truth: Truth, align: bool = False) -> TrueMotion:
-    return true_motion(samples, truth, IMPORTED, align, 1)
+    measured = np.ones(len(samples), dtype=bool)
+    access: Any = SimpleNamespace(samples=samples, turned=samples, measured=measured, every=1)
+    file: Any = SimpleNamespace(thinned=lambda: truth, is_long=False)
+    return true_motion(access, file, IMPORTED, align)
 
 
 def test_a_truth_on_the_samples_clock_that_comes_late_is_named(known):

@@ -145,7 +145,7 @@ def true_motion(
     if told is not None and (doubt is None or doubt.code != "clock.no_common_motion"):
         findings.insert(0, told)
     if doubt is None and sound.clock.method == "none" and sound.truth is not None:
-        findings += _late(samples, sound.truth, described, sound.clock)
+        findings += _late(access, sound.truth, described, sound.clock)
     unaligned = "" if doubt is None or doubt.code == "truth.foreign" else doubt.code
     return replace(sound, findings=findings, unaligned=unaligned)
 
@@ -209,10 +209,11 @@ def turning_instants(access: SampleAccess, clock: ClockFit, described: SensorRec
 
 
 def _late(
-    samples: ImuSamples, truth: Truth, described: SensorRecord, clock: ClockFit
+    access: SampleAccess, truth: Truth, described: SensorRecord, clock: ClockFit
 ) -> list[Finding]:
     """That a truth which needs no clock, as is said, moves at other times than the samples."""
-    fit = sensor_clock(samples, truth, described, align=True)
+    samples = access.samples
+    fit = sensor_clock(samples, truth, described, True, access.every)
     if fit.method != "angular_rate" or not (fit.correlation or 0.0) > ALIKE:
         return []
     middle = samples.device_time_ns[len(samples) // 2 : len(samples) // 2 + 1]
