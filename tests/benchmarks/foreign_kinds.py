@@ -13,12 +13,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from scipy.io import savemat
 from scipy.spatial.transform import Rotation
-from tests.formats.test_mapped_files import PHONE
 
 from tests.formats import mocap
 from tests.formats.bags import Ros, write_bag
 from tests.formats.conftest import G, Motion, split_axes, table_in, turned
 from tests.formats.foreign_arrays import mat73_with_objects, mat_with_objects
+from tests.formats.mapped.mappings import PHONE
 from tests.formats.test_broad import made_up
 from tests.formats.test_truth_files import JOINTS, LINK
 from tests.formats.test_vendor_files import (
