@@ -8,7 +8,8 @@ from itertools import product
 import numpy as np
 
 from testbench.consistency.excerpt import HIGHEST_RATE_HZ, Excerpt
-from testbench.consistency.fits import DEG, Pair, Reading, read_gyroscope
+from testbench.consistency.fits import DEG, NEIGHBOURS, Pair, Reading, read_gyroscope
+from testbench.consistency.gain import Gain, find_gain
 from testbench.consistency.orientation import Read, heading_axis, read_orientation
 from testbench.consistency.rests import Rests, find_rests
 from testbench.consistency.turning import IDENTITY, MAPS, names_of
@@ -37,6 +38,8 @@ LEAST_TURN = 1.0
 """A window turns if its gyroscope goes through so much [rad]."""
 SCALE_WITHIN = 1.4
 """A scale counts as that of a unit or a range if the best one is so near."""
+LIKE_NEIGHBOUR = 0.1
+"""Logarithm of a gain over that of a neighbouring range setting which parts may have."""
 EARTH_FIELD_UT = (22.0, 67.0)
 """Least and most field at the surface of the earth (World Magnetic Model 2025) [uT]."""
 FIELD_BETWEEN_UT = (8.0, 200.0)
@@ -75,6 +78,7 @@ class Looked:
     unchecked: list[str]
     rests: Rests | None = None
     by_gravity: Reading | None = None
+    gain: Gain | None = None
 
     def tell(self, code: str, **values: str | float | list[str]) -> None:
         """Add a finding."""
@@ -98,6 +102,8 @@ def check_excerpt(excerpt: Excerpt) -> list[Finding]:
     if has_acc and has_gyr:
         pair = Pair.of(excerpt, excerpt.acc, looked.seconds)
         looked.by_gravity = None if pair is None else read_gyroscope(pair, looked.rests.bias)
+        if pair is not None and looked.by_gravity is not None:
+            looked.gain = _gain(looked, pair, looked.by_gravity)
     if has_acc and not _check_gravity(looked):
         return looked.findings
     if has_acc and has_gyr:
@@ -160,6 +166,9 @@ def _check_gyroscope(looked: Looked) -> None:
         return
     if reading.scale != 1.0 and reading.turns:
         _tell_scale(looked, reading)
+    elif looked.gain is not None and looked.gain.is_other:
+        gain, rate = looked.gain.value, looked.excerpt.samples / looked.seconds
+        looked.tell("gain_or_rate", gain=gain, rate_hz=rate, other_rate_hz=rate / gain)
     scatter = reading.scatter
     if not reading.fits_as_is and reading.turns and not reading.one_axis:
         _tell_axes(looked, reading)
@@ -175,6 +184,17 @@ def _check_gyroscope(looked: Looked) -> None:
         ]
     if not reading.turns:
         looked.unchecked.append("gyroscope against accelerometer: scale")
+
+
+def _gain(looked: Looked, pair: Pair, reading: Reading) -> Gain | None:
+    """How far gravity turns for what the gyroscope says, where its axes are in doubt by nothing
+    else.
+    """
+    assert looked.rests is not None
+    of_units = reading.scale not in (1.0, *NEIGHBOURS)
+    if of_units or reading.one_axis or (reading.turns and not reading.fits_as_is):
+        return None
+    return find_gain(pair, np.zeros(3) if looked.rests.bias is None else looked.rests.bias)
 
 
 def _in_short(unchecked: list[str]) -> str:
@@ -221,6 +241,9 @@ KINDS: dict[str, set[int]] = {
 def _tell_scale(looked: Looked, reading: Reading) -> None:
     scale, rate = reading.scale, looked.excerpt.samples / looked.seconds
     if 0.3 < scale < 3:
+        gain = looked.gain
+        if gain is not None and abs(np.log(gain.value / scale)) > LIKE_NEIGHBOUR + 2 * gain.error:
+            scale = gain.value
         looked.tell("scale_or_rate", scale=scale, rate_hz=rate, other_rate_hz=rate / scale)
         return
     unit = {np.pi / 180: "deg/s", 180 / np.pi: "rad/s", np.pi / 180_000: "mdeg/s"}.get(scale)
@@ -275,7 +298,7 @@ def _check_gravity(looked: Looked) -> bool:
     like_gravity = (
         turned is None
         or ratio > REMOVED_BELOW
-        or abs(turned / norm - 1) < UNIT_WITHIN
+        or abs(turned - norm) < UNIT_WITHIN * norm
         or abs(norm - 1) < ONE_G_WITHIN
     )
     if fitting and like_gravity:

@@ -1,237 +1,144 @@
-"""Hundreds of mutated files of each format and of each kind of truth."""
+"""Mutated files of each format and of each kind of truth, the whole way to a report."""
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import io
+import json
+import os
 import random
 import shutil
 import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import h5py
-import numpy as np
+import pytest
+import typer
 
-from testbench import estimate, evaluate
-from testbench.clock import SystemClock
-from testbench.exceptions import BenchError
-from testbench.formats import import_recording
-from testbench.formats.options import Options
-from testbench.formats.truth.attach import TruthOptions
+from testbench.cli.crash import DEBUG
+from tests.benchmarks.foreign_kinds import KINDS, Kind
 from tests.benchmarks.resuming import count_of, resumed
 from tests.benchmarks.timing import Text, show
-from tests.formats import mocap
-from tests.formats.bags import Ros, write_bag
-from tests.formats.conftest import G, turned
+from tests.command_line import command
 from tests.system.mutations import mutate_bytes, mutate_text
 
-COUNT = 4500
-SLOWEST_S = 30.0
-"""C3D is read by a process that is given up after 20 s."""
-MOTION = turned(600)
-MARKERS = {"foot": mocap.NAMES}
-
-
-@dataclass(frozen=True)
-class Seed:
-    """Whole files of one kind.
-
-    Attributes:
-        format: Of the recording.
-        files: Their names in the folder of the seed.
-        mutated: Which of them, or of the folder's other files, are changed.
-        truth: Name of the file of the truth, if it has one.
-        clusters: Of the truth.
-    """
-
-    format: str
-    files: tuple[str, ...]
-    mutated: tuple[str, ...]
-    truth: str | None = None
-    clusters: dict[str, list[str]] | None = None
-
-
-def _table(path: Path, **columns: np.ndarray) -> None:
-    titles = ",".join(name.replace("__", " ") for name in columns)
-    values = np.column_stack(list(columns.values()))
-    np.savetxt(path, values, delimiter=",", header=titles, comments="", fmt="%.9g")
-
-
-def _vectors(title: str, values: np.ndarray, axes: str = "XYZ") -> dict[str, np.ndarray]:
-    return {title.format(axis): values[:, i] for i, axis in enumerate(axes)}
-
-
-_PHYSICAL = _vectors("Acc{} (m/s^2)", MOTION.acc) | _vectors("Gyr{} (rad/s)", MOTION.gyr)
-
-
-def _ximu3(folder: Path) -> Seed:
-    stamp = {"Timestamp (us)": np.round(1e6 * MOTION.t)}
-    inertial = _vectors("Gyroscope {} (deg/s)", np.degrees(MOTION.gyr))
-    inertial |= _vectors("Accelerometer {} (g)", MOTION.acc / G)
-    _table(folder / "Inertial.csv", **stamp, **inertial)
-    _table(folder / "Magnetometer.csv", **stamp, **_vectors("{} (a.u.)", MOTION.mag / 40))
-    _table(folder / "Quaternion.csv", **stamp, **_vectors("{}", MOTION.q, "WXYZ"))
-    names = ("Inertial.csv", "Magnetometer.csv", "Quaternion.csv")
-    return Seed("ximu3", names, names)
-
-
-def _technaid(folder: Path) -> Seed:
-    stamp = {"Time (s)": MOTION.t}
-    _table(folder / "w_phys.csv", **stamp, **_PHYSICAL)
-    _table(folder / "w_quat.csv", **stamp, **_vectors("q{}", MOTION.q, "0123"))
-    names = ("w_phys.csv", "w_quat.csv")
-    return Seed("technaid", names, names)
-
-
-def _apdm(folder: Path) -> Seed:
-    with h5py.File(folder / "a.h5", "w") as file:
-        group = file.create_group("Sensors/1262")
-        group["Accelerometer"], group["Gyroscope"] = MOTION.acc, MOTION.gyr
-        group["Magnetometer"] = MOTION.mag
-        group["Time"] = (1_600_000_000_000_000 + np.round(1e6 * MOTION.t)).astype("u8")
-        group.create_group("Configuration").attrs["Label 0"] = np.bytes_(b"Foot\0\0")
-        file["Processed/1262/Orientation"] = MOTION.q
-    return Seed("apdm", ("a.h5",), ("a.h5",))
-
-
-def _older_apdm(folder: Path) -> Seed:
-    with h5py.File(folder / "b.h5", "w") as file:
-        file.attrs["CaseIdList"] = np.array([b"SI-000133"])
-        file.attrs["MonitorLabelList"] = np.array([b"Trunk\0\0"])
-        group = file.create_group("SI-000133")
-        group["Calibrated/Accelerometers"], group["Calibrated/Gyroscopes"] = MOTION.acc, MOTION.gyr
-        group["Time"] = np.round(1e6 * MOTION.t).astype("u8")
-    return Seed("apdm", ("b.h5",), ("b.h5",))
-
-
-def _bag(name: str) -> Callable[[Path], Seed]:
-    def make(folder: Path) -> Seed:
-        ros = Ros.of(name.endswith(".bag"))
-        messages = ros.imus(MOTION, "/foot/imu") + ros.fields(MOTION, "/foot/mag")
-        messages += ros.transforms(MOTION.t, "map", "shank", MOTION.q)
-        path = write_bag(folder / name, ros, messages)
-        inside = [path] if path.is_file() else [p for p in path.iterdir() if p.is_file()]
-        mutated = tuple(str(p.relative_to(folder)) for p in inside)
-        own = str(path.relative_to(folder))
-        return Seed("rosbag", (own,), mutated, own, {"foot": ["shank"]})
-
-    return make
-
-
-def _sto(folder: Path) -> Seed:
-    _sto_file(folder / "a.sto")
-    return Seed("opensim_sto", ("a.sto",), ("a.sto",))
-
-
-def _sto_file(path: Path) -> None:
-    head = "DataRate=100\nDataType=Quaternion\nversion=3\nendheader\ntime\tfoot_imu\n"
-    rows = zip(MOTION.t, MOTION.q, strict=True)
-    lines = (f"{t:.4f}\t" + ",".join(f"{x:.9f}" for x in row) for t, row in rows)
-    path.write_text(head + "\n".join(lines) + "\n")
-
-
-def _truth(name: str, write: Callable[[Path], object], clusters: dict) -> Callable[[Path], Seed]:
-    def make(folder: Path) -> Seed:
-        _ = write(folder / name)
-        _table(folder / "foot.csv", **{"Time (s)": MOTION.t}, **_PHYSICAL)
-        return Seed("technaid", ("foot.csv",), (name,), name, clusters)
-
-    return make
-
-
-PLACED = mocap.placed(MOTION.q, 0.1e-3)
-BODY = {"foot": ["Shank"]}
-
-
-def _trc_file(path: Path) -> None:
-    names = "\t\t\t".join(mocap.NAMES)
-    head = "PathFileType\t4\t(X/Y/Z)\tw.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n"
-    head += f"100\t100\t{len(PLACED)}\t4\tmm\nFrame#\tTime\t{names}\t\t\n"
-    head += "\t\t" + "\t".join(f"{a}{i}" for i in range(1, 5) for a in "XYZ") + "\n\n"
-    rows = enumerate(1000 * PLACED.reshape(len(PLACED), -1))
-    lines = (f"{i + 1}\t{i / 100:.3f}\t" + "\t".join(f"{x:.4f}" for x in r) for i, r in rows)
-    path.write_text(head + "\n".join(lines) + "\n")
-
-
-SEEDS: dict[str, Callable[[Path], Seed]] = {
-    "ximu3": _ximu3,
-    "technaid": _technaid,
-    "apdm": _apdm,
-    "apdm, older": _older_apdm,
-    "rosbag, .bag": _bag("a.bag"),
-    "rosbag, .db3": _bag("folder"),
-    "rosbag, .mcap": _bag("a.mcap"),
-    "opensim_sto": _sto,
-    "truth, .sto": _truth("t.sto", _sto_file, {}),
-    "truth, C3D": _truth("t.c3d", lambda p: mocap.write_c3d(p, 100.0, PLACED), MARKERS),
-    "truth, TRC": _truth("t.trc", _trc_file, MARKERS),
-    "truth, Motive": _truth(
-        "t.csv", lambda p: mocap.write_motive(p, 100.0, PLACED, MOTION.q, "Quaternion"), MARKERS
-    ),
-    "truth, Vicon": _truth(
-        "t.csv", lambda p: mocap.write_vicon(p, 100.0, PLACED, MOTION.q), MARKERS
-    ),
-    "truth, Qualisys 3D": _truth(
-        "t.tsv", lambda p: mocap.write_qualisys(p, 100.0, PLACED, True), MARKERS
-    ),
-    "truth, Qualisys 6D": _truth(
-        "t.tsv", lambda p: mocap.write_bodies(p, 100.0, MOTION.q, False), BODY
-    ),
-}
+COUNT = 10_000
+SLOWER = 10.0
+"""Times the unchanged file: what takes longer, and over `LEAST_S`, hangs."""
+LEAST_S = 5.0
+"""On a machine that does other things beside."""
+STAGES = ("import", "estimate", "evaluate", "report")
+LEAST_ANALYSED = 1 / 3
+Words = tuple[str, ...]
 
 
 def bench_mutated_imports(count: int = COUNT) -> bool:
-    """Print the figures; whether every file was read and analysed, or refused in a sentence."""
+    """Print the figures; whether every file went its way or was refused in a sentence, in time."""
     found = resumed("mutated_imports", count, _trials)
     rows: list[list[str | Text]] = []
-    for kind in SEEDS:
+    for kind in KINDS:
         own = [one for one in found if one["kind"] == kind]
-        outcomes = [one["outcome"] for one in own]
+        reached = Counter(one["reached"] for one in own)
+        numbers = [str(sum(reached[n] for n in range(k, 5))) for k in range(1, 5)]
+        failed = str(sum(one["failure"] != "" for one in own))
         slowest = max((one["spent_s"] for one in own), default=0.0)
-        numbers = [str(outcomes.count(word)) for word in ("read", "refused")]
-        failed = str(sum(word not in {"read", "refused"} for word in outcomes))
         rows.append([Text(kind), str(len(own)), *numbers, failed, f"{slowest:.2f}"])
-    titles = ["", "files", "read", "refused", "other outcomes", "slowest [s]"]
+    titles = ["", "files", "imported", "estimated", "evaluated", "reported", "failed", "slowest"]
     show("Mutated recordings and truths", titles, rows)
-    failures = [one for one in found if one["outcome"] not in {"read", "refused"}]
-    for one in failures[:20]:
-        print(f"  {one['number']}, {one['kind']}: {one['outcome']}")
-    return not failures and all(one["spent_s"] <= SLOWEST_S for one in found)
+    failures = [one for one in found if one["failure"]]
+    analysed = sum(one["reached"] == len(STAGES) for one in found)
+    print(f"{len(found)} files: {analysed} analysed, {len(failures)} failed")
+    for one in failures[:40]:
+        print(f"  {one['number']}, {one['kind']}: {one['failure']}")
+    return not failures and analysed >= LEAST_ANALYSED * len(found)
 
 
 def _trials(numbers: range) -> Iterator[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        seeds: dict[str, Seed] = {}
+        seeds = Seeds(Path(name))
         for number in numbers:
-            kind = list(SEEDS)[number % len(SEEDS)]
-            own = folder / "seeds" / kind.replace(" ", "_")
-            if kind not in seeds:
-                own.mkdir(parents=True)
-                seeds[kind] = SEEDS[kind](own)
-            case = folder / f"case{number}"
-            shutil.copytree(own, case / "in")
-            _mutate(case / "in", seeds[kind], random.Random(number))
-            begin = time.perf_counter()
-            outcome = _outcome(seeds[kind], case)
-            spent = time.perf_counter() - begin
+            yield seeds.trial(number)
+
+
+class Seeds:
+    """The unchanged files of each kind, and how long they take.
+
+    Args:
+        folder: To work in.
+    """
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.kinds: dict[str, Kind] = {}
+        self.usual: dict[str, float] = {}
+
+    def trial(self, number: int) -> dict[str, Any]:
+        """A mutation, by its number: how far it came, and what should not have been."""
+        name = list(KINDS)[number % len(KINDS)]
+        kind = self.kind(name)
+        case = self._copy(name, f"case{number}")
+        mutate(case, kind, random.Random(number))
+        more = ("--json",) if number // len(KINDS) % 4 == 0 else ()
+        reached, failure, spent = self._analysed(kind, case, more)
+        if not failure and spent > max(SLOWER * self.usual[name], LEAST_S):
+            failure = f"took {spent:.1f} s, the unchanged file {self.usual[name]:.1f} s"
+        return {
+            "number": number,
+            "kind": name,
+            "reached": reached,
+            "failure": failure,
+            "spent_s": spent,
+        }
+
+    def kind(self, name: str) -> Kind:
+        """A kind, whose unchanged files are found to go the whole way.
+
+        Raises:
+            AssertionError: They do not.
+        """
+        if name not in self.kinds:
+            own = self.folder / "seeds" / str(list(KINDS).index(name))
+            own.mkdir(parents=True)
+            kind = self.kinds[name] = KINDS[name](own)
+            for _ in range(2):  # the first loads modules
+                reached, failure, spent = self._analysed(kind, self._copy(name, "clean"))
+                assert reached == len(STAGES) and not failure, f"{name}: {failure or 'refused'}"
+            self.usual[name] = spent
+        return self.kinds[name]
+
+    def _copy(self, name: str, case: str) -> Path:
+        own = self.folder / "seeds" / str(list(KINDS).index(name))
+        return Path(shutil.copytree(own, self.folder / case))
+
+    def _analysed(self, kind: Kind, case: Path, more: Words = ()) -> tuple[int, str, float]:
+        here = Path.cwd()
+        begin = time.perf_counter()
+        os.chdir(case)
+        try:
+            return *_outcome(kind, more), time.perf_counter() - begin
+        finally:
+            os.chdir(here)
             shutil.rmtree(case)
-            yield {"number": number, "kind": kind, "outcome": outcome, "spent_s": spent}
 
 
-def _mutate(folder: Path, seed: Seed, rng: random.Random) -> None:
-    """A change of one of the files that the seed names: of one bit or digit, or several."""
-    file = folder / rng.choice(seed.mutated)
+def mutate(folder: Path, kind: Kind, rng: random.Random) -> None:
+    """A change of one of the files of a kind: of one bit or digit, or several."""
+    file = folder / rng.choice(kind.mutated)
     raw = file.read_bytes()
     gentle, binary = rng.random() < 0.5, b"\0" in raw[:2000]
     if gentle:
         size = len(raw) if rng.random() < 0.5 else min(1200, len(raw))
         array, at = bytearray(raw), rng.randrange(size)
-        array[at] = array[at] ^ (1 << rng.randrange(8)) if binary else rng.choice(b"0159.-, \tnae")
+        digits = (
+            b"0123456789" if chr(array[at]).isdigit() and rng.random() < 0.7 else b"0159.-, \tnae"
+        )
+        array[at] = array[at] ^ (1 << rng.randrange(8)) if binary else rng.choice(digits)
         file.write_bytes(bytes(array))
     elif binary or rng.random() < 0.3:
         size = rng.choice([1200, 5000, len(raw)])
@@ -243,23 +150,89 @@ def _mutate(folder: Path, seed: Seed, rng: random.Random) -> None:
         file.write_text(changed, encoding="utf-8", errors="replace")
 
 
-def _outcome(seed: Seed, case: Path) -> str:
-    """ "read", "refused", or what should not be."""
-    out = case / "session"
-    truth = None
-    if seed.truth is not None:
-        truth = TruthOptions(case / "in" / seed.truth, clusters=seed.clusters or {})
+def _outcome(kind: Kind, more: Words) -> tuple[int, str]:
+    """How many stages the files of the current folder come through, and what should not be.
+
+    Args:
+        kind: Of the files.
+        more: Words for every command.
+    """
+    words = [*kind.words, "--out", "session"]
+    if kind.format == "--guess":
+        code, failure = _run("import", "--guess", *kind.words, "--out", "guessed.yaml", *more)
+        if failure or code:
+            return 0, failure
+        if not Path("guessed.yaml").exists():
+            return 0, ""
+        words = [*kind.words, "--mapping", "guessed.yaml", "--out", "session"]
+    format_name = "generic" if kind.format == "--guess" else kind.format
+    commands = (
+        ["import", format_name, *words],
+        ["estimate", "session"],
+        ["evaluate", "session"],
+        ["report", "session"],
+    )
+    for reached, command_words in enumerate(commands):
+        code, failure = _run(*command_words, *more)
+        if failure or code:
+            if reached == 0 and Path("session").exists():
+                failure = failure or "a refused import left a session"
+            return reached, failure
+    return len(commands), ""
+
+
+_commands = functools.cache(typer.main.get_command)
+
+
+def _run(*words: str) -> tuple[int, str]:
+    """Exit code of a command, and what is wrong with how it ended.
+
+    The commands are put together once, and what is written need not survive: both would take
+    longer than the rest.
+    """
+    said, told = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+        patch.setenv(DEBUG, "1")
+        patch.setattr(typer.main, "get_command", _commands)
+        patch.setattr(os, "fsync", lambda _: None)
+        warnings.simplefilter("error")
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(told):
+            try:
+                code = command(*words)
+            except Exception as error:
+                place = error.__traceback__
+                while place is not None and place.tb_next is not None:
+                    place = place.tb_next
+                where = "" if place is None else f"{place.tb_frame.f_code.co_filename[-60:]}"
+                line = 0 if place is None else place.tb_lineno
+                what = f"{type(error).__name__}: {error}"[:300]
+                return 70, f"{words[0]}: {what} ({where}:{line})"
+    if "--json" in words:
+        return code, _wrong_json(words[0], code, said.getvalue(), told.getvalue())
+    return code, _wrong(words[0], code, told.getvalue())
+
+
+def _wrong(stage: str, code: int, told: str) -> str:
+    """What is wrong with an exit code and what was told with it."""
+    if code not in (0, 2) or "Traceback" in told or "Warning" in told:
+        return f"{stage}: exit code {code}: {told[:300]}"
+    if code == 0 or (told.startswith("error: ") and len(told.strip()) > 20):
+        return ""
+    return f"{stage}: refused in the words {told[:300]!r}"
+
+
+def _refused(constant: str) -> None:
+    raise ValueError(f"{constant} is not of JSON")
+
+
+def _wrong_json(stage: str, code: int, said: str, told: str) -> str:
+    """The same where objects were asked for."""
+    text = told if code else said
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            files = [case / "in" / file for file in seed.files]
-            session = import_recording(seed.format, files, out, SystemClock(), Options(), truth)
-            evaluate(session, estimate(session, ["device", "vqf_6d"]))
-    except BenchError as error:
-        return "refused" if str(error).strip() else "an empty message"
-    except Exception as error:
-        return f"{type(error).__name__}: {error}"[:300]
-    return "read"
+        json.loads(text, parse_constant=_refused)
+    except ValueError as error:
+        return f"{stage}: no JSON, {error}: {text[:200]}"
+    return "" if code in (0, 2) else f"{stage}: exit code {code}: {told[:300]}"
 
 
 if __name__ == "__main__":

@@ -192,6 +192,16 @@ def test_a_magnetometer_of_a_lower_rate_that_drops_out_is_still_found_out():
     assert counts.keys() == {STUCK} and counts[STUCK] == pytest.approx(400, abs=4)
 
 
+def test_a_number_that_fills_a_dropout_is_none_of_the_readings_and_a_held_one_is():
+    samples = recorded("xsens_dot", 3)
+    filled, held = samples.gyr.copy(), samples.gyr.copy()
+    held[1000:1060] = held[1000]
+    for filler in (-7.0, -0.5):  # the larger one is no end of a range, for all axes repeat it
+        filled[1000:1060] = filler
+        assert reasons(changed(samples, gyr=filled)) == {STUCK: 60}
+    assert reasons(changed(samples, gyr=held)) == {STUCK: 59}
+
+
 @pytest.mark.parametrize("key", ["gyr", "acc"])
 def test_readings_cut_off_at_a_range_are_found_without_a_status_bit(key):
     samples = recorded("xsens_dot", 2)

@@ -63,9 +63,8 @@ def motion() -> Callable[..., Motion]:
 Writer = Callable[..., Path]
 
 
-@pytest.fixture
-def table(tmp_path: Path) -> Writer:
-    """Writes titles and columns as text, and gives the path."""
+def table_in(folder: Path) -> Writer:
+    """Writes titles and columns as text in a folder, and gives the path."""
 
     def text_of(value: object, form: str) -> str:
         return str(value) if isinstance(value, str | int | np.integer) else form % value
@@ -89,7 +88,7 @@ def table(tmp_path: Path) -> Writer:
             + "\n".join(lines).replace(".", decimal)
             + "\n"
         )
-        path = tmp_path / name
+        path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
         return path
@@ -98,10 +97,17 @@ def table(tmp_path: Path) -> Writer:
 
 
 @pytest.fixture
+def table(tmp_path: Path) -> Writer:
+    """Writes titles and columns as text, and gives the path."""
+    return table_in(tmp_path)
+
+
+def split_axes(pattern: str, array: np.ndarray, axes: str = "XYZ") -> dict[str, np.ndarray]:
+    """Columns of vectors: split_axes("Acc_{}", array, "XYZ")."""
+    return {pattern.format(axis): array[:, i] for i, axis in enumerate(axes)}
+
+
+@pytest.fixture
 def xyz() -> Callable[..., dict[str, np.ndarray]]:
     """Columns of vectors: xyz("Acc_{}", array, "XYZ")."""
-
-    def split(pattern: str, array: np.ndarray, axes: str = "XYZ") -> dict[str, np.ndarray]:
-        return {pattern.format(axis): array[:, i] for i, axis in enumerate(axes)}
-
-    return split
+    return split_axes

@@ -126,6 +126,16 @@ def test_samples_of_which_the_optical_system_saw_nothing_are_not_judged(tmp_path
     assert 690 <= row.n <= 700
 
 
+def test_orientations_of_no_length_are_lost(tmp_path, clock):
+    trial = made_up()
+    trial["opt_quat"][300:600] = 0.0  # type: ignore[index]
+    trial["opt_quat"][700] *= 1e200  # type: ignore[index]
+    savemat(tmp_path / "zeros.mat", trial)
+    session = import_recording("broad", [tmp_path / "zeros.mat"], tmp_path / "session", clock)
+    assert np.isnan(session.truth("imu").q_world_from_sensor[[*range(300, 600), 700]]).all()
+    assert analyse(session, analysis("vqf_6d")).evaluation.orientation[0].n < 710
+
+
 def drop(key: str) -> dict[str, object]:
     return {name: value for name, value in made_up().items() if name != key}
 

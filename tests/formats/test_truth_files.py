@@ -164,6 +164,15 @@ def test_the_whole_way_to_the_error_of_a_filter(run, load, table):
     assert session.manifest.sensors["hand"].truth == f"ur3e, link {LINK}"
 
 
+def test_an_angle_that_no_joint_turns_to_is_refused(run, load, table):
+    t, q, *_ = run
+    damaged = q.copy()
+    damaged[100, 2] = -1e300
+    columns = {"time_s": t} | {name: damaged[:, i] for i, name in enumerate(JOINTS)}
+    with pytest.raises(InputError, match=r"angle of 1e\+300 rad, which no joint turns to"):
+        load(table("robot.csv", columns, form="%.10g"), joint_unit="rad")
+
+
 def test_a_log_without_times_has_a_rate_and_may_begin_later(run, load, table):
     _, q, *_ = run
     log = table("robot.csv", {f"J{i + 1}": np.degrees(q[:, i]) for i in range(6)})

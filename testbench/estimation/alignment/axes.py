@@ -28,6 +28,8 @@ from testbench.records.session.samples import AXES, ImuSamples, Truth
 MOST_SAMPLES = 20_000
 LEAST_RATE, LEAST_FORCE = np.radians(3.0), 1.0
 """RMS that an axis must see beyond what the others see, to be told from them [rad/s], [m/s^2]."""
+MOST_OFFSET = 0.1
+"""Part of what an accelerometer reads at rest that its offset may be."""
 LEAST_FIELD_MARGIN = 3.0
 """A map of the magnetometer must explain this many times more of the field's variance than the next
 best.
@@ -64,7 +66,7 @@ def identify_axes(
     rest = known & static[pick] & np.isfinite(samples.acc[pick]).all(axis=1)
     if rest.sum() >= 20:
         force = rotation.rotate(rotation.conjugate(q[rest]), -gravity)
-        found["acc"] = _triad(samples.acc[pick][rest], force, LEAST_FORCE)
+        found["acc"] = _by_gravity(samples.acc[pick][rest], force)
     if samples.mag is not None:
         felt = known & np.isfinite(samples.mag[pick]).all(axis=1)
         if felt.sum() >= 20:
@@ -93,6 +95,16 @@ GAINS = {
     "gyr": (180 / np.pi, "deg/s were taken for rad/s"),
     "acc": (1 / 9.80665, "g were taken for m/s^2"),
 }
+GAIN_WITHIN, GYR_GAIN_WITHIN = 0.25, 0.08
+"""A triad may read by so much more or less than it felt; a gyroscope whose motion is understood by
+so much: parts are right to 3 %, and 2 % more over temperature (data sheet of the MPU-6050).
+"""
+SURE = 0.95
+"""Part of the readings' variance that is explained where their size is believed [1]."""
+
+
+def _is_sure(own: AxisFinding) -> bool:
+    return own.axes == STRAIGHT and own.agreement is not None and own.agreement > SURE
 
 
 def _odd(triad: str, own: AxisFinding) -> Finding | None:
@@ -104,7 +116,8 @@ def _odd(triad: str, own: AxisFinding) -> Finding | None:
         return None if usual else finding("axes.quaternion", reading=own.axes)
     if triad == "mag":
         return None if own.axes == STRAIGHT else _two_readings(own.axes, own.field_dip_deg)
-    if own.gain is not None and not 0.8 < own.gain < 1.25:
+    within = 1 + (GYR_GAIN_WITHIN if triad == "gyr" and _is_sure(own) else GAIN_WITHIN)
+    if own.gain is not None and not 1 / within < own.gain < within:
         factor, why = GAINS.get(triad, (0.0, ""))
         if factor and 0.8 < own.gain / factor < 1.25:
             return finding("axes.gain_of_unit", triad=name, gain=own.gain, cause=why)
@@ -154,6 +167,24 @@ def true_rates(
     turned = rotation.multiply(rotation.conjugate(before[sound]), after[sound])
     rate[sound] = rotation.to_rotation_vector(turned) * NANOSECONDS / (2 * half)
     return rate, sound
+
+
+def _by_gravity(read: np.ndarray, felt: np.ndarray) -> AxisFinding:
+    """The accelerometer's axes from rests, shapes (n, 3) [m/s^2].
+
+    A few rests fit any three columns and an offset. An offset that no part has says that gravity is
+    not where the world of the truth has it.
+    """
+    own = _triad(read, felt, LEAST_FORCE)
+    if own.axes is None:
+        return own
+    # readings = response @ felt, through the origin, by the axes that were seen
+    response = np.linalg.lstsq(felt, read, rcond=None)[0].T
+    left = read - felt @ response.T
+    off = float(np.sqrt(np.mean(np.sum(left**2, axis=1))))
+    if off > MOST_OFFSET * float(np.mean(np.linalg.norm(read, axis=1))):
+        return AxisFinding(unseen=list(AXES))
+    return own
 
 
 def _triad(read: np.ndarray, felt: np.ndarray, least: float) -> AxisFinding:

@@ -12,6 +12,7 @@ from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.estimation.signals.truth_faults import Apart, find_faults, without_repetitions
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.windows import moving_mean
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import ClockFit
@@ -24,6 +25,12 @@ SHIFT_TOLD_S = 0.5
 """A shift between two logs that is worth saying [s]."""
 STILL = np.radians(1.0)
 """A truth that stays within this needs no clock [rad]."""
+TURNING, TURNING_S = np.radians(10.0), 0.25
+"""A gyroscope turns that reads so much more than usual [rad/s], on the mean over so long [s]."""
+LATE_S, LATE_SAMPLES = 0.02, 2.0
+"""A truth on the samples' clock that moves so much later or earlier is not on it [s]: filters of a
+sensor and of a reference delay less.
+"""
 FOREIGN = 0.5
 """A truth whose rates explain less of the variance than this is remarked on [1]."""
 ALIKE = 0.9
@@ -137,6 +144,8 @@ def true_motion(
         findings.append(doubt)
     if told is not None and (doubt is None or doubt.code != "clock.no_common_motion"):
         findings.insert(0, told)
+    if doubt is None and sound.clock.method == "none" and sound.truth is not None:
+        findings += _late(access, sound.truth, described, sound.clock)
     unaligned = "" if doubt is None or doubt.code == "truth.foreign" else doubt.code
     return replace(sound, findings=findings, unaligned=unaligned)
 
@@ -199,6 +208,22 @@ def turning_instants(access: SampleAccess, clock: ClockFit, described: SensorRec
     return clock.to_host(time) - round(late * NANOSECONDS)
 
 
+def _late(
+    access: SampleAccess, truth: Truth, described: SensorRecord, clock: ClockFit
+) -> list[Finding]:
+    """That a truth which needs no clock, as is said, moves at other times than the samples."""
+    samples = access.samples
+    fit = sensor_clock(samples, truth, described, True, access.every)
+    if fit.method != "angular_rate" or not (fit.correlation or 0.0) > ALIKE:
+        return []
+    middle = samples.device_time_ns[len(samples) // 2 : len(samples) // 2 + 1]
+    late_s = float((fit.to_host(middle) - clock.to_host(middle))[0]) / NANOSECONDS
+    step_s = float(np.median(np.diff(samples.device_time_ns))) / NANOSECONDS
+    if abs(late_s) <= max(LATE_S, LATE_SAMPLES * step_s):
+        return []
+    return [finding("clock.late", late_s=late_s)]
+
+
 def _clock_finding(
     clock: ClockFit, truth: Truth, described: SensorRecord, samples: ImuSamples
 ) -> Finding | None:
@@ -222,7 +247,9 @@ def _clock_finding(
         return finding("clock.truth_unit", factor=clock.unit_factor)
     if clock.refused == "no common motion":
         return finding("clock.no_common_motion", correlation=_known(clock.correlation))
-    return finding("clock.unfitted") if _stands_still(truth) else finding("clock.still")
+    if not _stands_still(truth):
+        return finding("clock.still")
+    return finding("clock.truth_still") if _turns(samples) else finding("clock.unfitted")
 
 
 def _apart(clock: ClockFit, truth: Truth, samples: ImuSamples) -> Finding | None:
@@ -243,6 +270,17 @@ def _apart(clock: ClockFit, truth: Truth, samples: ImuSamples) -> Finding | None
 
 def _known(value: float) -> float:
     return value if np.isfinite(value) else 0.0
+
+
+def _turns(samples: ImuSamples) -> bool:
+    """Whether a gyroscope turns now and then, whatever it reads at rest."""
+    gyr = samples.gyr[np.isfinite(samples.gyr).all(axis=1)]
+    if len(gyr) < 2:
+        return False
+    steps = np.diff(samples.device_time_ns) / NANOSECONDS
+    smooth = moving_mean(gyr, max(round(TURNING_S / max(float(np.median(steps)), 1e-6)), 1))
+    speed = rotation.lengths(smooth - np.median(smooth, axis=0))
+    return bool(np.quantile(speed, 0.95) > TURNING)
 
 
 def _stands_still(truth: Truth) -> bool:

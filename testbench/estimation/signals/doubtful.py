@@ -71,6 +71,10 @@ An impact rings, and sensors have a low pass: the sharpest heel strike of gaitma
 m/s^2 in one reading at 204.8 Hz, exceeds them by 9.9.
 """
 NEARBY = np.array([-7, -6, -5, -4, -3, -2, 2, 3, 4, 5, 6, 7])
+FILLER_STEPS, FILLER_NEAR = 5.0, 5
+"""A reading that is repeated is a filler if it is so many times further from both its neighbours
+than any of so many before it were from one another.
+"""
 ALIVE = 0.1
 """A gyroscope that turns by this just before and just after does not read exactly 0 in all axes
 between [rad/s].
@@ -291,6 +295,13 @@ class Gates:
             rows = repeats["mag"] if "mag" in repeats else repeated_rows(samples.mag)
             doubts.unknown[rows] |= OLD_FIELD
         stuck = [(key, _in_runs_over(rows, self._runs[key] - 1)) for key, rows in repeats.items()]
+        for key, rows in stuck:
+            fillers = _fillers(getattr(samples, key), rows)
+            if ZEROS in doubts.flags:
+                fillers = fillers[~doubts.flags[ZEROS][fillers]]
+            if len(fillers):
+                _clear(doubts.flags, CLIPPED, fillers)
+                doubts.add(STUCK, fillers, key)
         told = [doubts.flags[kind] for kind in (ZEROS, CLIPPED, SATURATED) if kind in doubts.flags]
         for key, rows in stuck:
             for flag in told:
@@ -416,6 +427,38 @@ def without(samples: ImuSamples, unknown: np.ndarray, for_filters: bool = False)
             changed[key] = array.copy()
             changed[key][rows] = np.nan
     return replace(samples, **changed)
+
+
+def _fillers(array: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Rows of runs whose reading stands far off the ones before and after, with the first of each:
+    a number that the logger put in, such as -1, and none that was measured.
+
+    Args:
+        array: Shape (n, 3).
+        rows: That repeat the one before, increasing, shape (k,).
+    """
+    lengths = lengths_of(rows)
+    first = rows[np.cumsum(lengths) - lengths] - 1
+    inside = (first >= FILLER_NEAR) & (first + lengths + 1 < len(array))
+    first, lengths = first[inside], lengths[inside]
+    near = array[first[:, None] - np.arange(1, FILLER_NEAR + 1)]
+    usual = np.abs(np.diff(near, axis=1)).max(axis=(1, 2), initial=0.0)
+    into = np.abs(array[first] - array[first - 1]).max(axis=1)
+    out = np.abs(array[first + lengths + 1] - array[first]).max(axis=1)
+    with np.errstate(invalid="ignore"):
+        odd = np.minimum(into, out) > FILLER_STEPS * usual
+    return np.concatenate(
+        [np.arange(a, a + n + 1) for a, n in zip(first[odd], lengths[odd], strict=True)]
+        or [np.zeros(0, dtype=np.int64)]
+    )
+
+
+def _clear(flags: dict[str, np.ndarray], reason: str, rows: np.ndarray) -> None:
+    """Take back a reason for some rows."""
+    if reason in flags:
+        flags[reason][rows] = False
+        if not flags[reason].any():
+            del flags[reason]
 
 
 def _in_runs_over(rows: np.ndarray, longest: int) -> np.ndarray:

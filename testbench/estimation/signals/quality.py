@@ -23,6 +23,7 @@ from testbench.estimation.signals.doubtful import (
     Gates,
     without,
 )
+from testbench.estimation.signals.rates import LARGEST_BIAS
 from testbench.estimation.signals.traits import Traits
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.records.findings.catalogue import finding
@@ -212,6 +213,11 @@ def assess(
     return Quality(flags, found, inspection.counts), known
 
 
+def _read(samples: ImuSamples, rest: np.ndarray) -> bool:
+    """Whether there are rates at rest."""
+    return bool(np.isfinite(samples.gyr[rest]).all(axis=1).any())
+
+
 def findings_on(samples: ImuSamples, rest: np.ndarray) -> list[Finding]:
     """What is odd about readings at rest and about the magnetic field.
 
@@ -225,6 +231,9 @@ def findings_on(samples: ImuSamples, rest: np.ndarray) -> list[Finding]:
     if len(norm) and abs(norm.mean() / STANDARD_GRAVITY - 1) > REST_TOLERANCE:
         mean = float(norm.mean())
         found.append(finding("rest.norm", norm_m_s2=mean, norm_g=mean / STANDARD_GRAVITY))
+    bias = np.linalg.norm(np.nanmedian(samples.gyr[rest], axis=0)) if _read(samples, rest) else 0.0
+    if bias > LARGEST_BIAS:
+        found.append(finding("rest.rate", bias_deg_s=float(np.degrees(bias))))
     if samples.mag is not None and np.isfinite(samples.mag).any():
         field = np.linalg.norm(samples.mag, axis=1)
         usual = float(np.nanmedian(field))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,8 @@ WIDEST = 2.5
 
 LOST_S = 0.25
 """Between samples further apart nobody knows how a sensor turned [s]."""
+LARGEST_BIAS = np.radians(10.0)
+"""A larger reading is motion, where nothing else tells that it is a bias [rad/s]."""
 LEAST_SPAN_S = 0.05
 """Orientations closer than this give a rate that is mostly their noise: it is taken over so long
 [s].
@@ -80,23 +83,27 @@ def sensor_rate(samples: ImuSamples) -> RateMagnitude:
     return RateMagnitude(np.zeros(0), np.zeros(0), 0.0, np.inf)
 
 
-def rest_reading(gyr: np.ndarray) -> np.ndarray:
+def rest_reading(gyr: np.ndarray, stays: Callable[[np.ndarray], bool] | None = None) -> np.ndarray:
     """What a gyroscope reads at rest, shape (3,) [rad/s].
 
     That is the median over the tenth of the record that varies least.
 
     Args:
         gyr: Shape (n, 3) [rad/s].
+        stays: Tells whether it rested, from the first and last row of stretches, shape (k, 2);
+            where nobody knows, large readings are motion.
     """
     size = 25
     if len(gyr) < 4 * size:
         return np.zeros(3)
     blocks = gyr[: len(gyr) // size * size].reshape(-1, size, 3)
     spread = blocks.var(axis=1).sum(axis=1)
-    quiet = blocks[spread <= np.quantile(spread, 0.1)].reshape(-1, 3)
-    reading = np.median(quiet, axis=0)
-    # more than that is motion
-    return reading if np.linalg.norm(reading) < np.radians(10) else np.zeros(3)
+    chosen = np.flatnonzero(spread <= np.quantile(spread, 0.1))
+    reading = np.asarray(np.median(blocks[chosen].reshape(-1, 3), axis=0))
+    if np.linalg.norm(reading) < LARGEST_BIAS:
+        return reading
+    ends = np.column_stack([chosen * size, chosen * size + size - 1])
+    return reading if stays is not None and stays(ends) else np.zeros(3)
 
 
 def _from_orientations(time: np.ndarray, q: np.ndarray) -> RateMagnitude:

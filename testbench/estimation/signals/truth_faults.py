@@ -121,8 +121,7 @@ class _Turning:
     slow_path: np.ndarray
 
     @staticmethod
-    def of(gyr: np.ndarray, time_ns: np.ndarray) -> _Turning:
-        rate = gyr - rest_reading(gyr)
+    def of(rate: np.ndarray, time_ns: np.ndarray) -> _Turning:
         seconds = np.diff(time_ns, prepend=time_ns[:1]) / NANOSECONDS
         lost = seconds > LOST_S
         seconds = np.where(lost, 0.0, seconds)
@@ -180,8 +179,9 @@ def find_faults(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> Truth
     known = known[(truth.host_time_ns[known] <= sampled_ns[-1])]
     if len(known) < 10:
         return TruthFaults(truth, none, none)
-    turning = _Turning.of(samples.gyr[read], sampled_ns)
     rows, q = truth.host_time_ns[known], truth.q_world_from_sensor[known]
+    rest = rest_reading(samples.gyr[read], lambda ends: _truth_stays(rows, q, sampled_ns, ends))
+    turning = _Turning.of(samples.gyr[read] - rest, sampled_ns)
     frozen = _frozen(rows, q, turning)
     lost = np.zeros(len(known), dtype=bool)
     for first, last in frozen:
@@ -235,6 +235,23 @@ def _only(truth: Truth, rows: np.ndarray) -> Truth:
     if rate is not None and truth.rate is not None:
         rate[rows] = truth.rate[rows]
     return replace(truth, q_world_from_sensor=cleaned, rate=rate)
+
+
+def _truth_stays(rows: np.ndarray, q: np.ndarray, time_ns: np.ndarray, ends: np.ndarray) -> bool:
+    """Whether the truth hardly turns while the gyroscope reads the same.
+
+    Args:
+        rows: Times of the truth, increasing, shape (m,) [ns].
+        q: Its orientations, shape (m, 4).
+        time_ns: Of the samples, shape (n,) [ns].
+        ends: First and last sample of each stretch, shape (k, 2).
+    """
+    fresh = np.concatenate([[True], np.diff(rows) > 0])
+    times = np.clip(time_ns[ends], rows[0], rows[-1])
+    begin, end = (rotation.interpolate(rows[fresh], q[fresh], column) for column in times.T)
+    seconds = np.maximum(np.diff(times, axis=1)[:, 0] / NANOSECONDS, 1e-3)
+    turned = rotation.angle(rotation.multiply(rotation.conjugate(begin), end)) / seconds
+    return bool(np.median(turned) < LEAST_RATE)
 
 
 def without_repetitions(truth: Truth) -> Truth | None:

@@ -163,10 +163,11 @@ def orientation_told(seen: Seen, found: Quantity, acc: Quantity | None) -> dict[
     if acc is None or len(seen.values[acc.names[0]]) != len(q):
         return best
     a = np.column_stack([seen.values[name] for name in acc.names])
-    norm = np.linalg.norm(a, axis=1, keepdims=True)
     with np.errstate(all="ignore"):
-        known = np.isfinite(q).all(axis=1) & np.isfinite(a).all(axis=1) & (norm[:, 0] > 0)
-    q, up = q[known], (a / np.where(norm > 0, norm, 1))[known]
+        norm = np.linalg.norm(a, axis=1, keepdims=True)
+        known = np.isfinite(q).all(axis=1) & np.isfinite(norm[:, 0]) & (norm[:, 0] > 0)
+        norm = np.where(known[:, None], norm, 1)
+    q, up = q[known], (a / norm)[known]
     if not len(q):
         return best
     highest = 0.0

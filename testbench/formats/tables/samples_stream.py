@@ -244,7 +244,10 @@ def stack(columns: Columns, names: list[str], factor: float = 1.0) -> np.ndarray
         Shape (n, k).
     """
     result = np.column_stack([columns[name] for name in names])
-    return result if factor == 1.0 else result * factor
+    if factor == 1.0:
+        return result
+    with np.errstate(over="ignore"):  # infinite: not finite is what is said of it later
+        return np.asarray(result * factor)
 
 
 def specific_force(q_earth_from_sensor: np.ndarray, free_acceleration: np.ndarray) -> np.ndarray:
@@ -282,8 +285,9 @@ def increment_rate(dq: np.ndarray, rate: float) -> np.ndarray:
 
 
 def _unit(q: np.ndarray) -> np.ndarray:
-    norm = np.linalg.norm(q, axis=1, keepdims=True)
-    return q / np.where(norm > 0, norm, np.nan)
+    with np.errstate(over="ignore", invalid="ignore"):
+        norm = np.linalg.norm(q, axis=1, keepdims=True)
+        return np.asarray(q / np.where((norm > 0) & np.isfinite(norm), norm, np.nan))
 
 
 def measured_rate(samples: ImuSamples) -> float | None:

@@ -14,7 +14,7 @@ import numpy as np
 from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.truth.tracked import METRES, Tracked, frame_times, points
 
-PATIENCE_S = 20.0
+PATIENCE_S = 10.0
 S_PER_BYTE = 1e-6
 """A file may take so long to be read, and so much longer by its size."""
 

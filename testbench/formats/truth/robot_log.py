@@ -42,6 +42,8 @@ from testbench.records.specs.protocol_steps import Role
 
 SMOOTHING_S = 0.1
 """Width of the cubic Savitzky-Golay window that differentiates the joint angles [s]."""
+MOST_TURNED = 1e6
+"""No joint turns further [rad]."""
 REGULAR_WITHIN = 0.2
 """A log whose intervals differ by more than this part of their median is not differentiated."""
 WINDOW_S = 0.1
@@ -285,10 +287,19 @@ def logged_truth(
         link: That carries the sensor.
         mounting: The sensor in the link.
         shift_ns: Added to the log's times, which begin at 0 [ns].
+
+    Raises:
+        InputError: An angle cannot be one.
     """
     assert log.time_ns is not None
     fresh = np.concatenate([[True], np.diff(log.time_ns) > 0])
     time, q = log.time_ns[fresh], log.q[fresh]
+    most = float(np.abs(q).max(initial=0.0))
+    if not most <= MOST_TURNED:
+        raise InputError(
+            f"the joint log holds an angle of {most:.3g} rad, which no joint turns to: its file is "
+            "damaged, or the column is none of angles"
+        )
     steps = np.diff(time) / NANOSECONDS
     regular = (
         len(steps) >= 5 and float(np.abs(steps / np.median(steps) - 1).max()) <= REGULAR_WITHIN

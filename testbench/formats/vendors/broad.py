@@ -17,6 +17,7 @@ import numpy as np
 from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.tables.matlab_file import load_mat
+from testbench.formats.truth.reference import NORM_WITHIN
 from testbench.frames import NANOSECONDS
 from testbench.records.session.samples import ImuSamples, Truth
 from testbench.records.specs.protocol import Analysis, Estimation
@@ -45,7 +46,7 @@ def read(files: list[Path]) -> Recording:
     samples = ImuSamples(
         time, time, data["imu_gyr"], data["imu_acc"], data["imu_mag"], None, np.arange(count), clean
     )
-    truth = Truth(time, data["opt_quat"], judged=data["movement"].astype(bool))
+    truth = Truth(time, _orientations(data["opt_quat"]), judged=data["movement"].astype(bool))
     analysis = Analysis(
         estimate=Estimation(filters=FILTERS, align="none", align_clock=False, calibrate="none")
     )
@@ -56,6 +57,13 @@ def read(files: list[Path]) -> Recording:
         {SENSOR: ImportedSensor([samples], rate, "myon aktos-t", truth)},
         analysis,
     )
+
+
+def _orientations(q: np.ndarray) -> np.ndarray:
+    """Orientations as recorded, shape (n, 4); NaN where they are not of unit length: lost."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        known = np.abs(np.linalg.norm(q, axis=1) - 1) <= NORM_WITHIN
+    return np.where(known[:, None], q, np.nan)
 
 
 # One piece: what is read, what it must hold, and in which shapes.

@@ -100,14 +100,19 @@ def _by_kind(content: Mapping[str, Any]) -> dict[str, np.ndarray]:
                 continue
             width = {"acc": 3, "gyr": 3, "mag": 3, "quaternion": 4}.get(kind)
             if width and array.ndim == 2 and width in array.shape:
-                result.setdefault(
-                    kind, (array if array.shape[1] == width else array.T).astype(float)
-                )
+                wide = array if array.shape[1] == width else array.T
+                result.setdefault(kind, _floats(wide))
             elif kind == "time" and array.ndim == 1 and len(array) > 1:
-                result.setdefault(kind, array.astype(float))
+                result.setdefault(kind, _floats(array))
             elif kind in {"rate", "interval"} and array.size == 1:
-                result.setdefault(kind, array.astype(float).reshape(1))
+                result.setdefault(kind, _floats(array).reshape(1))
     return result
+
+
+def _floats(array: np.ndarray) -> np.ndarray:
+    """Numbers as floats; infinite where they are of a wider kind and too large."""
+    with np.errstate(over="ignore"):
+        return array.astype(float)
 
 
 # One piece: the arrays that are found decide what is checked, renamed and noted.

@@ -39,6 +39,19 @@ TEMPLATES = {
         "if both are on one clock, say so with `same_clock: true` beside the truth or "
         "`align_clock: false` in `estimate`",
     ),
+    "clock.late": Template(
+        WARNING,
+        "the truth is said to share the clock of the samples, but its motion comes "
+        "{late_s:+.3f} s after theirs",
+        "one of the two is delayed, and the errors of all filters hold that delay",
+        "shift the truth, or leave out `same_clock: true` or `align_clock: false`, so that the "
+        "motion aligns them",
+    ),
+    "clock.truth_still": Template(
+        WARNING,
+        "the truth stands still throughout while its gyroscope turns",
+        "the body was not tracked, or it is another one; nothing of it is judged",
+    ),
     "clock.as_stated": Template(
         WARNING,
         "its clock could not be fitted to the motion",

@@ -58,12 +58,20 @@ TEMPLATES = {
     ),
     "consistency.scale_or_rate": Template(
         WARNING,
-        "gravity turns {scale:g} times as far as its gyroscope says at {rate_hz:.4g} Hz",
+        "gravity turns {scale:.3g} times as far as its gyroscope says at {rate_hz:.4g} Hz",
         "its scale is that of another range setting, or the samples came at {other_rate_hz:.4g} "
         "Hz; gravity alone cannot tell which",
-        "if the rate is right, the key gyr.scale: {scale:g} of the mapping mends it; if it is not, "
-        "--rate {other_rate_hz:.4g} or the key rate_hz; --unit gyr=UNIT in the unit it was read "
-        "in confirms it as it is",
+        "if the rate is right, the key gyr.scale: {scale:.3g} of the mapping mends it; if it is "
+        "not, --rate {other_rate_hz:.4g} or the key rate_hz; --unit gyr=UNIT in the unit it was "
+        "read in confirms it as it is",
+    ),
+    "consistency.gain_or_rate": Template(
+        WARNING,
+        "gravity turns {gain:.3g} times as far as its gyroscope says at {rate_hz:.4g} Hz",
+        "its scale is wrong by that, or the samples came at {other_rate_hz:.4g} Hz; gravity alone "
+        "cannot tell which",
+        "if the rate is right, the key gyr.scale: {gain:.3g} of the mapping mends it; if it is "
+        "not, --rate {other_rate_hz:.4g} or the key rate_hz",
     ),
     "consistency.gyr_mirrored": Template(
         WARNING,

@@ -9,6 +9,13 @@ TEMPLATES = {
         WARNING,
         "at rest the specific force is {norm_m_s2:.2f} m/s^2, {norm_g:.3f} g",
     ),
+    "rest.rate": Template(
+        WARNING,
+        "at rest the gyroscope reads {bias_deg_s:.1f} deg/s",
+        "it was never calibrated; filters hardly find so large a bias, and their headings turn "
+        "meanwhile",
+        "calibrate it first: `testbench calibrate`, or a stored calibration",
+    ),
     "field.norm": Template(
         WARNING,
         "the magnetic field differs from its median of {usual_ut:.1f} uT by over 20 % in "
