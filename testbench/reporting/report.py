@@ -26,6 +26,7 @@ from testbench.reporting.sections.joint import joint_section
 from testbench.reporting.sections.motion import (
     difference_section,
     joint_motion_section,
+    motion_tiles,
     sensor_motion_section,
     signal_section,
     unjudged_joints,
@@ -103,7 +104,8 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
             facts=facts(session),
             tiles=result_tiles(
                 evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}
-            ),
+            )
+            + ([] if evaluation is None else motion_tiles(evaluation)),
             sections=sections,
         )
     )

@@ -14,6 +14,7 @@ from testbench.estimation import estimate
 from testbench.evaluation import evaluate
 from testbench.formats import import_recording
 from testbench.reporting.report import render, report
+from testbench.reporting.sections.motion import motion_tiles
 from tests import without_truth as made
 from tests.conftest import FakeClock
 from tests.reporting.conftest import Judged
@@ -75,6 +76,16 @@ def test_every_figure_that_the_data_allow_is_there_and_holds_data(kind):
         for line in figure["data"]:
             y = values(line["y"])
             assert len(y) > 50 and np.isfinite(y).mean() > 0.9, (key, line["name"])
+
+
+def test_the_range_of_a_joint_stands_at_the_top(kind):
+    tiles = motion_tiles(kind[1].evaluation)
+    if kind[0] != "two_dots":
+        assert tiles == []
+        return
+    (tile,) = tiles
+    assert float(tile.value) == pytest.approx(made.FLEXION_DEG, abs=0.1)
+    assert "not judged" in tile.detail and "1.00 Hz" in tile.detail
 
 
 def test_nothing_was_judged_stands_there_once(kind):

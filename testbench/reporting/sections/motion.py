@@ -27,7 +27,7 @@ from testbench.records.session.samples import ImuSamples
 from testbench.records.session.session import Session
 from testbench.reporting.page.decimation import Envelope
 from testbench.reporting.page.figures import Curve, Figure, Span, error_curves, time_panels
-from testbench.reporting.page.page import Block, Figures, Heading, Section, Sentence
+from testbench.reporting.page.page import Block, Figures, Heading, Section, Sentence, Tile
 from testbench.reporting.page.palette import AXES_COLOURS, COLOURS
 from testbench.reporting.page.tables import (
     Row,
@@ -58,6 +58,31 @@ def unjudged_joints(evaluation: Evaluation) -> list[str]:
 def unjudged_sensors(evaluation: Evaluation) -> list[str]:
     """Sensors that are described and not judged."""
     return list(dict.fromkeys(row.sensor for row in evaluation.rests))
+
+
+def motion_tiles(evaluation: Evaluation) -> list[Tile]:
+    """Range of motion of each joint that nobody judges, by its first filter."""
+    tiles = []
+    for joint in unjudged_joints(evaluation):
+        row = next(
+            (
+                r
+                for r in evaluation.angle_ranges
+                if (r.kind, r.owner) == ("joint", joint) and r.flexion and r.range_deg is not None
+            ),
+            None,
+        )
+        if row is None:
+            continue
+        cycles = next((r for r in evaluation.found_cycles if r.owner == joint), None)
+        often = (
+            f"; {counted(cycles.cycles, 'cycle')} found, {digits(cycles.frequency_hz, 2)} Hz"
+            if cycles is not None
+            else ""
+        )
+        detail = f"{row.filter}, {row.sequence}; not judged{often}"
+        tiles.append(Tile(digits(row.range_deg, 1), "deg", f"range of flexion, {joint}", detail))
+    return tiles
 
 
 def _title(what: str, evaluation: Evaluation) -> str:
