@@ -30,6 +30,7 @@ STAGES = ("import", "estimate", "evaluate", "report")
 PROGRAM = """
 import json, resource, sys, time
 from pathlib import Path
+import numpy as np
 from testbench.clock import SystemClock
 from testbench.consistency import Consistency
 from testbench.estimation import estimate
@@ -37,6 +38,7 @@ from testbench.estimation.signals import access
 from testbench.evaluation import evaluate
 from testbench.formats import import_recording
 from testbench.formats.options import Options
+from testbench.model import rotation
 from testbench.records.results.estimate import Estimate
 from testbench.records.session.session import Session
 from testbench.reporting.report import report
@@ -91,6 +93,7 @@ def run(folder):
 
 for name in sys.argv[3:]:
     begun, processor, checking = time.perf_counter(), time.process_time(), 0.0
+    rotation.multiply(*np.ones((2, 1, 4)))  # the first compiled kernel loads numba, whosever it is
     found = run(Path(name))
     took = time.perf_counter() - begun
     part = checking / (time.process_time() - processor)

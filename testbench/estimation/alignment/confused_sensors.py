@@ -38,7 +38,7 @@ def name_confused(
         instants = turning_instants(read, own.clock, described[name])
         fit = None
         if own.unaligned not in ("clock.no_common_motion", "clock.no_overlap"):
-            fit = fit_rates(read.turned, instants, own.truth)
+            fit = own.fit or fit_rates(read.turned, instants, own.truth)
             if fit is None or fit.explained > WELL:
                 continue
         others = {}

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from testbench.estimation.alignment.truth_reading import fit_rates, misread
+from testbench.estimation.alignment.truth_reading import RateFit, fit_rates, misread
 from testbench.estimation.signals.access import SampleAccess
 from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.estimation.signals.truth_faults import Apart, find_faults, without_repetitions
@@ -52,6 +52,8 @@ class TrueMotion:
         findings: What is odd.
         unaligned: Code of the finding by which the truth cannot be compared with it, or "".
         apart: Pieces of the truth that do not fit the rest.
+        fit: Of the sensor's rates to those of the truth; None where it was not asked, or the
+            motion tells nothing.
     """
 
     clock: ClockFit
@@ -60,6 +62,7 @@ class TrueMotion:
     findings: list[Finding] = field(default_factory=list)
     unaligned: str = ""
     apart: list[Apart] = field(default_factory=list)
+    fit: RateFit | None = None
 
 
 def sensor_clock(
@@ -138,7 +141,10 @@ def true_motion(
         return TrueMotion(clock, truth, findings=[] if told is None else [told])
     sound = _without_faults(access, TrueMotion(clock, truth), described, align)
     told = _clock_finding(sound.clock, truth, described, samples)
-    doubt = _doubt(access, sound, described)
+    read = turning_instants(access, sound.clock, described)
+    assert sound.truth is not None
+    fit = fit_rates(access.turned, read, sound.truth)
+    doubt = None if fit is None else _doubt(access.turned, read, sound, fit)
     findings = [*sound.findings]
     if doubt is not None:
         findings.append(doubt)
@@ -147,7 +153,7 @@ def true_motion(
     if doubt is None and sound.clock.method == "none" and sound.truth is not None:
         findings += _late(access, sound.truth, described, sound.clock)
     unaligned = "" if doubt is None or doubt.code == "truth.foreign" else doubt.code
-    return replace(sound, findings=findings, unaligned=unaligned)
+    return replace(sound, findings=findings, unaligned=unaligned, fit=fit)
 
 
 def _without_faults(
@@ -177,14 +183,19 @@ def _without_faults(
     return TrueMotion(clock, faults.truth, lost, faults.findings, apart=faults.apart)
 
 
-def _doubt(access: SampleAccess, motion: TrueMotion, described: SensorRecord) -> Finding | None:
-    """Whether the truth, as it was read, is that of the sensor."""
+def _doubt(
+    turned: ImuSamples, read: np.ndarray, motion: TrueMotion, fit: RateFit
+) -> Finding | None:
+    """Whether the truth, as it was read, is that of the sensor.
+
+    Args:
+        turned: Of the sensor, with mean rates.
+        read: Instants that these are of, shape (n,) [ns].
+        motion: Its clock and truth.
+        fit: Of its rates to those of the truth.
+    """
     assert motion.truth is not None
-    read = turning_instants(access, motion.clock, described)
-    fit = fit_rates(access.turned, read, motion.truth)
-    if fit is None:
-        return None
-    wrong = misread(access.turned, read, motion.truth, fit)
+    wrong = misread(turned, read, motion.truth, fit)
     if wrong is not None or fit.explained >= FOREIGN or fit.magnitudes >= ALIKE:
         return wrong
     if motion.clock.method == "angular_rate":  # two logs that begin and rest alike
