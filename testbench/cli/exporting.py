@@ -25,6 +25,13 @@ class ExportFrame(StrEnum):
     world = "world"
 
 
+class OpenSimModel(StrEnum):
+    """Model whose coordinates the columns of a .mot are."""
+
+    rajagopal = "rajagopal"
+    gait2392 = "gait2392"
+
+
 def _complete_export(incomplete: str) -> list[str]:
     from testbench.formats.exporters import EXPORTS
 
@@ -63,6 +70,14 @@ def export(
             "--frame", help="Frame of a .sto: OpenSim's ground (y up), or the world (z up)."
         ),
     ] = ExportFrame.opensim,
+    model: Annotated[
+        OpenSimModel,
+        typer.Option(
+            "--model",
+            help="Model of OpenSim whose coordinates the columns of a .mot are: knees flex "
+            "positively in rajagopal, negatively in gait2392.",
+        ),
+    ] = OpenSimModel.rajagopal,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier export.")] = False,
     parameters: SetOption = None,
     json: JsonOption = False,
@@ -73,12 +88,14 @@ def export(
     from testbench.records.session.session import Session
 
     where: Any = frame.value
+    coordinates: Any = model.value
     asked = ExportRequest(
         format=to,
         out=optional(out),
         filter=filter_name,
         parameters=filter_parameters(parameters),
         frame=where,
+        model=coordinates,
         force=force,
     )
     result = write_export(Session(session), asked)

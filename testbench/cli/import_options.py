@@ -12,7 +12,16 @@ import typer
 from testbench.cli.options import complete_robot
 
 _left_open = partial(typer.Option, rich_help_panel="What the files leave open")
+_of_joints = partial(typer.Option, rich_help_panel="Joints between the sensors")
 _of_truth = partial(typer.Option, rich_help_panel="Truth from a file of its own")
+
+
+class PlaceBy(StrEnum):
+    """How the sensors of joints are placed on their segments."""
+
+    standing = "standing"
+    functional = "functional"
+    stated = "stated"
 
 
 class JointUnit(StrEnum):
@@ -158,5 +167,54 @@ TruthClusterOption = Annotated[
         "--truth-cluster",
         metavar="SENSOR=M1,M2,M3",
         help="Markers that carry a sensor, three or more; or SENSOR=BODY, a rigid body.",
+    ),
+]
+JointOption = Annotated[
+    list[str] | None,
+    _of_joints(
+        "--joint",
+        metavar="NAME=PROXIMAL:DISTAL",
+        help="A joint between two sensors, e.g. knee_r=RFemur:RTibia.",
+    ),
+]
+SequenceOption = Annotated[
+    list[str] | None,
+    _of_joints(
+        "--sequence",
+        metavar="[JOINT=]ZXY",
+        help="How its angles are written: an Euler sequence, a definition such as knee, or "
+        "'{hinge: [0, 0, 1]}'. Default: the ISB's for a joint whose name tells which it is, "
+        "else ZXY.",
+    ),
+]
+PlaceByOption = Annotated[
+    PlaceBy | None,
+    _of_joints(
+        "--place-by",
+        help="How each sensor is placed on its segment. Default: a standing pose.",
+    ),
+]
+StandingOption = Annotated[
+    str | None,
+    _of_joints(
+        "--standing",
+        metavar="FROM:TO",
+        help="When the person stands upright [s]. Default: the first rest.",
+    ),
+]
+ForwardOption = Annotated[
+    list[str] | None,
+    _of_joints(
+        "--forward",
+        metavar="SENSOR=AXIS",
+        help="Axis that points forwards while standing, e.g. Pelvis=-z. Default: by the motion.",
+    ),
+]
+SegmentOption = Annotated[
+    list[str] | None,
+    _of_joints(
+        "--segment",
+        metavar="SENSOR=NAME",
+        help="Body segment that a sensor stands for, e.g. RFemur=femur_r.",
     ),
 ]

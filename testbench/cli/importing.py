@@ -12,14 +12,20 @@ from testbench.cli.import_options import (
     CalibrationPosesOption,
     DwellOption,
     EncodingOption,
+    ForwardOption,
+    JointOption,
     JointUnitOption,
     LinkOption,
     MappingOption,
     MountingOption,
     MoveOption,
+    PlaceByOption,
     RateOption,
     RecordedAtOption,
     RobotOption,
+    SegmentOption,
+    SequenceOption,
+    StandingOption,
     TruthClusterOption,
     TruthOffsetOption,
     TruthOption,
@@ -80,12 +86,18 @@ def import_files(
     truth_time_unit: TruthTimeUnitOption = None,
     joint_unit: JointUnitOption = None,
     truth_cluster: TruthClusterOption = None,
+    joint: JointOption = None,
+    sequence: SequenceOption = None,
+    place_by: PlaceByOption = None,
+    standing: StandingOption = None,
+    forward: ForwardOption = None,
+    segment: SegmentOption = None,
     json: JsonOption = False,
 ) -> None:
     """Turn a foreign recording into a session."""
     from testbench.exceptions import InputError
     from testbench.pipeline.bring_in import bring_in
-    from testbench.pipeline.request import ImportRequest, TruthRequest
+    from testbench.pipeline.request import BodyRequest, ImportRequest, TruthRequest
 
     if guess:
         _guess([Path(format_name), *(files or [])], out, json)
@@ -101,6 +113,7 @@ def import_files(
             "--truth-time-unit, --truth-cluster and --joint-unit describe the file of --truth"
         )
     angles: Any = None if joint_unit is None else joint_unit.value
+    of_body = any((joint, sequence, place_by, standing, forward, segment))
     session = bring_in(
         ImportRequest(
             format=format_name,
@@ -127,6 +140,16 @@ def import_files(
                 calibration_poses=calibration_poses,
                 time_unit=truth_time_unit,
                 clusters=tuple(truth_cluster or ()),
+            ),
+            body=None
+            if not of_body
+            else BodyRequest(
+                joints=tuple(joint or ()),
+                sequences=tuple(sequence or ()),
+                segments=tuple(segment or ()),
+                place_by=None if place_by is None else place_by.value,
+                standing=standing,
+                forward=tuple(forward or ()),
             ),
         )
     )

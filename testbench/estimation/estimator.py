@@ -8,7 +8,7 @@ from testbench.estimation.calibration.stored_calibration import StoredCalibratio
 from testbench.estimation.chain.session import chain_of_session
 from testbench.estimation.filters import OrientationFilter
 from testbench.estimation.filters.tuned import Parameters, choose_tuned
-from testbench.estimation.joints.joints import estimate_joint
+from testbench.estimation.joints.joints import estimate_joints
 from testbench.estimation.prepared_sensor import PreparedSensor, prepare_sensor, told_apart
 from testbench.estimation.signals.recording import RunFacts, SensorRecording
 from testbench.exceptions import SessionError
@@ -54,10 +54,8 @@ def estimate(
     run = RunFacts.of(session)
     prepared = _prepared(stored, session.sensor_names, run)
     sensors = {name: sensor.run(chosen) for name, sensor in prepared.items()}
-    joints = {
-        name: estimate_joint(joint, run, sensors, chosen)
-        for name, joint in session.analysis.joints.items()
-    }
+    forces = {name: sensor.access.samples.acc for name, sensor in prepared.items()}
+    joints = estimate_joints(session.analysis.joints, run, sensors, forces, chosen)
     chain, chain_findings = (
         chain_of_session(session, run, sensors) if settings.chain is not None else ([], [])
     )
@@ -109,10 +107,8 @@ class PreparedSession:
     def run(self, filters: Sequence[OrientationFilter]) -> Estimate:
         """The estimate by some filters, of the sensors and joints that were prepared."""
         sensors = {name: sensor.run(filters) for name, sensor in self.sensors.items()}
-        joints = {
-            name: estimate_joint(joint, self._facts, sensors, filters)
-            for name, joint in self._joints.items()
-        }
+        forces = {name: sensor.access.samples.acc for name, sensor in self.sensors.items()}
+        joints = estimate_joints(self._joints, self._facts, sensors, forces, filters)
         used = {kind.name: kind.parameters for kind in filters}
         return Estimate(self._session, self._fingerprint, sensors, joints, used)
 

@@ -14,7 +14,7 @@ from testbench.evaluation.differences import difference_tables
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.euler_ranges import euler_range_rows
 from testbench.evaluation.field_following import following_rows
-from testbench.evaluation.flexion import joint_errors, joint_rows
+from testbench.evaluation.flexion import covered, joint_errors, joint_rows, whole_recording
 from testbench.evaluation.gyroscope_bias import bias_rows
 from testbench.evaluation.joint_summary import summarise_joint
 from testbench.evaluation.judged import judgeable, sound_truth
@@ -100,8 +100,9 @@ def evaluate(
         norms += _norm_metrics(name, rest)
     if steps is not None and not steps:
         parts.append(ResultTables(findings=[finding("judged.no_step")]))
+    judged = whole_recording(estimate) if steps is None else steps
     for name in estimate.joints:
-        joint, found = _joint_tables(session, estimate, name, steps or [], arm)
+        joint, found = _joint_tables(session, estimate, name, judged, arm)
         parts.append(joint)
         parts.append(ResultTables(findings=unaligned.get(f"joint '{name}'", [])))
         cycles += found
@@ -391,14 +392,19 @@ def _joint_tables(
     """A joint's rows and error signals, and its average cycles."""
     errors, joint = joint_errors(session, name, estimate, steps), estimate.joints[name]
     if errors is None:
-        return ResultTables(findings=[finding("judged.no_truth_of_joint", name)]), []
+        where = f"joint '{name}'"
+        told = [
+            finding("judged.no_truth_of_joint", where),
+            *(own.at(where) for own in joint.findings),
+        ]
+        return ResultTables(findings=told), []
     clock_sd = flexion_clock_sd(estimate, errors) if errors.steps else 0.0
     cycles = joint_cycles(errors)
     rows = joint_rows(errors, clock_sd)
     budgets = joint_budgets(session, estimate, errors, arm)
     summaries, ranks, comparisons = summarise_joint(errors, rows, budgets, clock_sd)
     where = f"joint '{name}'"
-    told = errors.findings + [own.at(where) for own in joint.findings]
+    told = errors.findings + [own.at(where) for own in joint.findings] + covered(errors, joint)
     told += cycle_findings(where, [step for step, _ in errors.steps], cycles)
     tables = ResultTables(
         findings=told,

@@ -20,20 +20,26 @@ from testbench.model.joint_angle import (
     flexion_of,
     joint_angle_series,
     nearest_turn,
-    segment_orientation,
     unwrapped,
 )
+from testbench.model.true_segment import true_segment
 from testbench.model.truth import WIDEST_GAP_NS, truth_at
+from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
-from testbench.records.results.estimate import Estimate
+from testbench.records.results.estimate import Estimate, JointEstimate
 from testbench.records.results.evaluation import JointRow
 from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import Truth
 from testbench.records.session.session import Session
 from testbench.records.specs.joint_definition import FlexionAngle
 from testbench.records.specs.protocol import JointDefinition
 
 Key = tuple[str, str]
 """Filter and label of the definition."""
+COVERED = 1.96
+"""Standard uncertainties to either side that hold 95 % of normal errors."""
+WHOLE = "recording"
+"""The section and step that a recording without a protocol is judged as."""
 LEAST_GIMBAL_MARGIN = np.radians(1.0)
 """Nearer than this to where it stops being defined (gimbal lock), an angle beside the flexion is
 not judged [rad].
@@ -275,12 +281,12 @@ def _true_angles(
         truth = session.truth(sensor)
         if truth is None:
             return None
-        orientations.append(truth_at(truth, time))
+        q_true = truth_at(truth, time)
+        orientations.append(np.where(_counts(truth, time)[:, None], q_true, np.nan))
     q_proximal, q_distal = orientations
     known = np.isfinite(q_proximal[:, 0]) & np.isfinite(q_distal[:, 0])
-    placed = session.analysis.sensors
-    world_from_proximal = segment_orientation(q_proximal[known], placed[joint.proximal])
-    world_from_distal = segment_orientation(q_distal[known], placed[joint.distal])
+    world_from_proximal = true_segment(session.analysis, joint.proximal, q_proximal[known])
+    world_from_distal = true_segment(session.analysis, joint.distal, q_distal[known])
     angles: dict[str, np.ndarray] = {}
     for definition in joint.definitions():
         full = np.full((len(time), 3), np.nan)
@@ -289,6 +295,46 @@ def _true_angles(
     turned = np.full((len(time), 2), np.nan)
     turned[known] = turned_by_sensor(world_from_proximal, world_from_distal, joint)
     return angles, turned
+
+
+def covered(errors: JointErrors, joint: JointEstimate) -> list[Finding]:
+    """How many errors of the flexion the stated uncertainty covers, by filter.
+
+    Args:
+        errors: Of the joint.
+        joint: Its estimate.
+    """
+    if not errors.steps:
+        return []
+    rows, found = np.concatenate([own for _, own in errors.steps]), []
+    for key, sd in joint.sd.items():
+        if key in errors.error and key[1] == errors.joint.label:
+            place = INDEX[errors.joint.flexion]
+            error, known = errors.error[key][rows], COVERED * sd[rows, place]
+            sound = np.isfinite(error) & np.isfinite(known)
+            percent = 100 * float(np.mean(np.abs(error[sound]) <= known[sound]))
+            where = f"joint '{errors.name}'"
+            found.append(finding("judged.joint_covered", where, filter=key[0], percent=percent))
+    return found
+
+
+def _counts(truth: Truth, time: np.ndarray) -> np.ndarray:
+    """Where errors count by the truth's own marks, shape (n,), bool."""
+    if truth.judged is None or not len(truth.host_time_ns):
+        return np.ones(len(time), dtype=bool)
+    nearest = np.clip(np.searchsorted(truth.host_time_ns, time), 0, len(truth.host_time_ns) - 1)
+    return np.asarray(truth.judged[nearest])
+
+
+def whole_recording(estimate: Estimate) -> list[PlannedStep]:
+    """A recording without steps as one that is judged throughout.
+
+    Args:
+        estimate: Of it.
+    """
+    times = [sensor.host_time_ns for sensor in estimate.sensors.values()]
+    begin, end = min(int(own[0]) for own in times), max(int(own[-1]) for own in times)
+    return [PlannedStep(0, WHOLE, "evaluation", WHOLE, "sweep", {}, begin, end, end)]
 
 
 def _reference(

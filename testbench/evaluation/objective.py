@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.evaluation.flexion import JointErrors, flexion_error, joint_errors
+from testbench.evaluation.flexion import JointErrors, flexion_error, joint_errors, whole_recording
 from testbench.evaluation.judged import sound_truth
 from testbench.evaluation.metrics import orientation_errors, rms
 from testbench.evaluation.orientation import SensorErrors, sensor_errors
@@ -131,7 +131,8 @@ class SessionJudge:
                     estimate.sensors,
                     {name: JointEstimate(time, {})},
                 )
-                errors = joint_errors(session, name, blank, steps or [])
+                judged = whole_recording(estimate) if steps is None else steps
+                errors = joint_errors(session, name, blank, judged)
                 if errors is not None and errors.steps:
                     self._joints.append(errors)
         else:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from testbench.formats.recording import Recording
     from testbench.formats.truth.attach import TruthOptions
     from testbench.records.session.session import Session
+    from testbench.records.specs.protocol import Body
 
 
 @dataclass(frozen=True)
@@ -135,6 +136,7 @@ def import_recording(
     clock: Clock,
     options: Options | None = None,
     truth: TruthOptions | None = None,
+    body: Body | None = None,
 ) -> Session:
     """Turn foreign files into a session.
 
@@ -145,6 +147,7 @@ def import_recording(
         clock: For the date.
         options: Answers to what the files leave open.
         truth: Where the truth is, if not in the files.
+        body: Joints between the sensors, beside those of a mapping.
 
     Raises:
         NotFoundError: No such format; lists those that exist.
@@ -186,6 +189,10 @@ def import_recording(
         from testbench.formats.truth.attach import attach_truth
 
         attach_truth(recording, truth)
+    if body is not None:
+        from testbench.formats.body import attach_body
+
+        attach_body(recording, body)
     return write_recording(recording, files, name, out, clock)
 
 

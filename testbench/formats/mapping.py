@@ -16,7 +16,8 @@ from testbench.formats.axes import PRESETS, AxisNames
 from testbench.formats.units import AccUnit, GyrUnit, MagUnit, TimeUnit, known_unit, unit_names
 from testbench.records.disk.yaml_file import YamlDocument, load_yaml
 from testbench.records.specs.exclusion import Exclusion
-from testbench.records.specs.protocol import Estimation, JointDefinition, Segment
+from testbench.records.specs.protocol import BodyJoint, Estimation, Segment
+from testbench.records.specs.segment_alignment import SegmentAlignment
 from testbench.records.specs.strict import Name, Placement, StrictModel
 
 Column = Annotated[
@@ -311,8 +312,14 @@ class MappingSpec(StrictModel):
         description="Body segment that each sensor stands for, by sensor: a name, or {name, "
         "rotation_deg}.",
     )
-    joints: dict[Name, JointDefinition] = Field(
-        default={}, max_length=64, description="Joint angles between sensors, as in a protocol."
+    joints: dict[Name, BodyJoint] = Field(
+        default={},
+        max_length=64,
+        description="Joint angles between sensors, as in a protocol; `alignment` of one in place "
+        "of that below.",
+    )
+    alignment: SegmentAlignment = Field(
+        default_factory=SegmentAlignment, description="How the sensors sit on their segments."
     )
     exclude: list[Exclusion] = Field(
         default=[],

@@ -15,6 +15,7 @@ from testbench.formats import import_recording
 from testbench.formats.guessing.written import mapping_yaml, write_new
 from testbench.formats.options import Options
 from testbench.formats.truth.attach import TruthOptions
+from testbench.pipeline.body_request import body_of
 from testbench.pipeline.request import ImportRequest, TruthRequest
 from testbench.records.disk.yaml_file import parse_yaml, validation_problems
 from testbench.records.session.session import Session
@@ -41,9 +42,10 @@ def bring_in(asked: ImportRequest, clock: Clock | None = None) -> Session:
         asked.mapping, asked.rate_hz, units, asked.axes, asked.recorded_at, asked.encoding
     )
     truth = None if asked.truth is None else _truth(asked.truth)
+    body = None if asked.body is None else body_of(asked.body)
     files = [Path(file) for file in asked.files]
     return import_recording(
-        asked.format, files, Path(asked.out), clock or SystemClock(), options, truth
+        asked.format, files, Path(asked.out), clock or SystemClock(), options, truth, body
     )
 
 

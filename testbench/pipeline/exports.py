@@ -53,7 +53,7 @@ def export(session: Session, asked: ExportRequest) -> Exported:
             raise NotFoundError("filter", wanted, known)
         estimated = _estimate_with(session, asked, stored)
     estimated = _with_some_orientation(session, estimated, wanted)
-    return _write(ExportSource(session, estimated, wanted, asked.frame), asked, path)
+    return _write(ExportSource(session, estimated, wanted, asked.frame, asked.model), asked, path)
 
 
 def export_estimate(session: Session, asked: ExportRequest, estimated: Estimate) -> Exported:
@@ -71,7 +71,9 @@ def export_estimate(session: Session, asked: ExportRequest, estimated: Estimate)
     refuse_export(asked, _filters_of(estimated))
     path = _place(session, asked, asked.filter)
     estimated = _with_some_orientation(session, estimated, asked.filter)
-    return _write(ExportSource(session, estimated, asked.filter, asked.frame), asked, path)
+    return _write(
+        ExportSource(session, estimated, asked.filter, asked.frame, asked.model), asked, path
+    )
 
 
 def _with_some_orientation(session: Session, estimated: Estimate, wanted: str | None) -> Estimate:
@@ -97,7 +99,7 @@ def refuse_export(asked: ExportRequest, filters: Sequence[str]) -> None:
             analysis hold.
         NotFoundError: No such format, or the filter is not among those that run.
     """
-    check_options(asked.format, asked.filter, asked.frame)
+    check_options(asked.format, asked.filter, asked.frame, asked.model)
     if asked.parameters:
         raise InputError("the parameters of an export beside an analysis are those of the analysis")
     known = [TRUTH, *filters]
@@ -115,7 +117,7 @@ def _filters_of(estimated: Estimate | None) -> list[str]:
 
 def _place(session: Session, asked: ExportRequest, wanted: str | None) -> Path:
     """Where an export goes, once it is known that it can be written there."""
-    check_options(asked.format, wanted, asked.frame)
+    check_options(asked.format, wanted, asked.frame, asked.model)
     out = None if asked.out is None else Path(asked.out)
     return prepare_export(asked.format, session, out, asked.force)
 

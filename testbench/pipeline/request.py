@@ -114,6 +114,9 @@ class ExportRequest(Asked):
     frame: Literal["opensim", "world"] = Field(
         default="opensim", description="Frame of orientations for OpenSim."
     )
+    model: Literal["rajagopal", "gait2392"] = Field(
+        default="rajagopal", description="Model of OpenSim whose coordinates joint angles are."
+    )
     force: bool = Field(default=False, description="Replace an earlier export.")
 
 
@@ -326,6 +329,30 @@ class TruthRequest(Asked):
     )
 
 
+class BodyRequest(Asked):
+    """Joints between the sensors of a foreign recording, each part as text."""
+
+    joints: tuple[str, ...] = Field(default=(), description="Each `NAME=PROXIMAL:DISTAL`.")
+    sequences: tuple[str, ...] = Field(
+        default=(),
+        description="How their angles are written, each `[JOINT=]ZXY`, a named definition, or a "
+        "mapping such as `{hinge: [0, 0, 1]}`.",
+    )
+    segments: tuple[str, ...] = Field(
+        default=(), description="Segments that sensors stand for, each `SENSOR=NAME`."
+    )
+    place_by: str | None = Field(
+        default=None,
+        description="standing, functional or stated; what suits it if null.",
+    )
+    standing: str | None = Field(
+        default=None, description="When the person stands, `FROM:TO` [s]; the first rest if null."
+    )
+    forward: tuple[str, ...] = Field(
+        default=(), description="Axes that point forwards while standing, each `SENSOR=-z`."
+    )
+
+
 class ImportRequest(Asked):
     """A foreign recording that becomes a session."""
 
@@ -350,4 +377,7 @@ class ImportRequest(Asked):
     )
     truth: TruthRequest | None = Field(
         default=None, description="Where the truth is, if not there."
+    )
+    body: BodyRequest | None = Field(
+        default=None, description="Joints between the sensors, beside those of a mapping."
     )

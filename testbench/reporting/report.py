@@ -23,6 +23,7 @@ from testbench.reporting.sections.axes import axes_section
 from testbench.reporting.sections.chain import chain_section
 from testbench.reporting.sections.fit import fit_section
 from testbench.reporting.sections.joint import joint_section
+from testbench.reporting.sections.joint_curves import curve_blocks
 from testbench.reporting.sections.motion import (
     difference_section,
     joint_motion_section,
@@ -138,7 +139,7 @@ def _sections(
     chain = chain_section(estimate, evaluation, spans) if estimate is not None else None
     of_chain = [chain] if chain is not None else []
     if evaluation is not None and judged:
-        sections += _judged_sections(session, evaluation, spans, of_chain)
+        sections += _judged_sections(session, estimate, evaluation, spans, of_chain)
         sections += described
     else:
         sections += of_chain
@@ -158,7 +159,11 @@ def _sections(
 
 
 def _judged_sections(
-    session: Session, evaluation: Evaluation, spans: list[Span], of_chain: list[Section]
+    session: Session,
+    estimate: Estimate | None,
+    evaluation: Evaluation,
+    spans: list[Span],
+    of_chain: list[Section],
 ) -> list[Section]:
     """What was held against a truth."""
     names = [row.filter for row in evaluation.orientation] + [
@@ -173,7 +178,12 @@ def _judged_sections(
             name: load_published(joint.published) if joint.published else None
             for name, joint in session.analysis.joints.items()
         }
-        sections.append(joint_section(evaluation, published, colours, spans))
+        joints = joint_section(evaluation, published, colours, spans)
+        known = curve_blocks(session, estimate, colours, spans) if estimate is not None else {}
+        judged = {row.joint for row in evaluation.joint_angle}
+        for name in known.keys() & judged:
+            joints.blocks += known[name]
+        sections.append(joints)
     return [
         *sections,
         *of_chain,
@@ -194,7 +204,9 @@ def _described_sections(
     names = [key for sensor in estimate.sensors.values() for key in sensor.orientation]
     colours = filter_colours(names)
     found = [
-        joint_motion_section(evaluation, colours, spans),
+        joint_motion_section(
+            evaluation, colours, spans, curve_blocks(session, estimate, colours, spans)
+        ),
         sensor_motion_section(estimate, evaluation, colours, spans),
         difference_section(evaluation, colours, spans),
         signal_section(session, estimate, evaluation, spans),

@@ -11,6 +11,7 @@ from tests.benchmarks.coverage import bench_coverage
 from tests.benchmarks.crashes import bench_crashes
 from tests.benchmarks.faults import bench_faults
 from tests.benchmarks.intervals import bench_intervals
+from tests.benchmarks.joints_of_people import bench_joints
 from tests.benchmarks.mutated_imports import bench_mutated_imports
 from tests.benchmarks.mutations import bench_mutations
 
@@ -19,6 +20,7 @@ CAMPAIGNS: list[Callable[[], bool]] = [
     bench_coverage,
     bench_crashes,
     bench_faults,
+    bench_joints,
     bench_mutations,
     bench_mutated_imports,
 ]

@@ -144,3 +144,17 @@ def test_gaps_and_samples_without_an_orientation_are_bridged():
     track = track_heading(TIME_NS[kept], q1[kept], q2[kept], TWO_AXES, int(TIME_NS[0]))
     assert np.isfinite(track.heading).all()
     assert np.degrees(np.sqrt(np.mean((track.heading - drift[kept]) ** 2))) < 1.5
+
+
+@pytest.mark.parametrize("kind", ["turning away", "to and fro", "walking"])
+def test_a_hinge_without_noise_gives_the_heading_to_a_thirtieth_of_a_degree(kind):
+    """However little is said of it: axes known to 3 deg, a walk of 2 deg a minute."""
+    draw = np.random.default_rng(1)
+    drift = {
+        "turning away": np.radians(0.1) * TIME,
+        "to and fro": np.radians(20) * np.sin(2 * np.pi * TIME / SECONDS),
+        "walking": drifted(draw),
+    }[kind]
+    seen_by_both = seen(draw, drift, twist=False, noise=0.0)
+    track = track_heading(TIME_NS, *seen_by_both, HINGE, int(TIME_NS[0]))
+    assert np.degrees(np.sqrt(np.mean((track.heading - drift) ** 2))) < 0.04

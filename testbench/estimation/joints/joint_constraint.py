@@ -13,6 +13,11 @@ filter), but for the part that the stated axes are off by in their segments: tha
 ever, and what it may do to the heading is added to the uncertainty. To estimate it too was tried:
 errors of inclination that go with the motion then pass for errors of the axes, and the heading
 becomes three times worse.
+
+How much the constraint is off by within seconds is what makes the looks likeliest (`_likeliest`): a
+filter that expects 3 deg of a joint that keeps its axes to a hundredth takes a drift for a misfit,
+and stays several degrees behind it. How fast the heading walks stays as stated: a walk that is free
+explains every misfit.
 """
 
 from __future__ import annotations
@@ -32,8 +37,16 @@ RATE_HZ = 10.0
 """The constraint is looked at so often; headings drift in minutes."""
 SLOW_S, FAST_SD = 5.0, np.radians(0.5)
 """How long most of what the constraint is off by lasts [s], and the part of each look [rad]."""
+MISFITS = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
+"""What the constraint may be off by within seconds, as parts of what the axes are stated to [1]."""
+EXACT = 0.03
+"""A joint is believed to keep its axes better than stated only where it does so to this part of it:
+else errors of inclination that go with the motion pass for a heading [1].
+"""
 WINDOW_S = 60.0
 """About this long a window decides on the heading in its middle [s]."""
+SURE = 2.0
+"""Half the likelihood ratio that two parameters reach by chance once in seven times [1]."""
 START_SD, LARGEST_SD = np.radians(0.5), np.radians(30.0)
 """Of the heading in the reference pose, which the alignment has brought to zero as well as a sensor
 is mounted (`uncertainty` in robots/ur3e), and the most that it is begun with [rad].
@@ -83,12 +96,35 @@ def track_heading(
             0.0,
             min(float(np.hypot(START_SD, walk * np.sqrt(at[known] - at[0]))), LARGEST_SD),
         )
-    heading, variance = _smooth(at, terms, first, first_sd, known, walk, axes_sd)
+    look = (at, terms, first, first_sd, known)
+    misfit = _likeliest(look, walk, axes_sd)
+    heading, variance, _ = _smooth(*look, walk, (misfit * axes_sd, misfit * FAST_SD))
     lasting = axes_sd**2 / 2 * _response(heading, terms, q_proximal, q_distal, constraint)
     # where the axes tell nothing
     told = first_sd**2 if known < 0 else START_SD**2 + np.abs(at - at[known]) * walk**2
     sd = np.sqrt(variance + np.minimum(lasting, told))
     return RelativeHeading(np.interp(seconds, at, heading), np.interp(seconds, at, sd))
+
+
+def _likeliest(
+    look: tuple[np.ndarray, np.ndarray, float, float, int], walk: float, axes_sd: float
+) -> float:
+    """The misfit, of `MISFITS`, that makes the looks likeliest.
+
+    By the likelihood of the innovations (Särkkä, Bayesian Filtering and Smoothing, 2013, eq.
+    12.11). What is stated is kept where nothing is clearly likelier (`SURE`), or not `EXACT`.
+
+    Args:
+        look: The first arguments of `_smooth`.
+        walk: As stated [rad/sqrt(s)].
+        axes_sd: As stated [rad].
+    """
+    found = {
+        misfit: float(_smooth(*look, walk, (misfit * axes_sd, misfit * FAST_SD))[2])
+        for misfit in MISFITS
+    }
+    best = max(found, key=lambda misfit: found[misfit])
+    return best if best <= EXACT and found[best] > found[1.0] + SURE else 1.0
 
 
 def _guess(
@@ -162,8 +198,8 @@ def _smooth(
     first_sd: float,
     known: int,
     walk: float,
-    axes_sd: float,
-) -> tuple[np.ndarray, np.ndarray]:
+    misfit_sd: tuple[float, float],
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Extended Kalman filter and Rauch-Tung-Striebel smoother (Särkkä 2013, algorithms 5.4 and
     9.1).
 
@@ -171,11 +207,13 @@ def _smooth(
     the heading is zero, but for `START_SD`; -1: at none.
 
     Returns:
-        Heading and its variance, shapes (m,).
+        Heading and its variance, shapes (m,), and the logarithm of the likelihood of the looks.
     """
     m = len(seconds)
+    axes_sd, fast_sd = misfit_sd  # of the slow part, and of each look
     x, P = np.empty((m, 2)), np.empty((m, 2, 2))  # after each look
     ahead, P_ahead = np.zeros((m, 2)), np.zeros((m, 2, 2))  # before it
+    likelihood = 0.0
     ahead[0, 0], P_ahead[0, 0, 0], P_ahead[0, 1, 1] = first, first_sd**2, axes_sd**2
     for k in range(m):
         if k > 0:  # prediction: the heading walks, the slow part fades
@@ -192,7 +230,8 @@ def _smooth(
         H = np.array([b * cosine - a * sine, 1.0])
         left = -(a * cosine + b * sine + c) - ahead[k, 1]
         gain = P_ahead[k] @ H
-        variance = H @ gain + FAST_SD**2
+        variance = H @ gain + fast_sd**2
+        likelihood -= 0.5 * (np.log(variance) + left**2 / variance)
         x[k] = ahead[k] + gain / variance * left
         P[k] = P_ahead[k] - np.outer(gain, gain) / variance
         if k == known and k > 0:  # at the first look it is what the filter begins with
@@ -204,4 +243,4 @@ def _smooth(
         back = P[k] @ F @ np.linalg.inv(P_ahead[k + 1])
         x[k] = x[k] + back @ (x[k + 1] - ahead[k + 1])
         P[k] = P[k] + back @ (P[k + 1] - P_ahead[k + 1]) @ back.T
-    return x[:, 0].copy(), P[:, 0, 0].copy()
+    return x[:, 0].copy(), P[:, 0, 0].copy(), likelihood

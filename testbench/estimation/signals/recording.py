@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 
 import numpy as np
@@ -15,7 +15,7 @@ from testbench.records.session.manifest import FullScale, SensorRecord
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.sensor_file import SensorFile, TruthFile
 from testbench.records.session.session import Session
-from testbench.records.specs.protocol import Estimation, Sensor
+from testbench.records.specs.protocol import Body, Estimation, Sensor
 
 STANDARD_DOWN = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 
@@ -72,6 +72,8 @@ class RunFacts:
         steps: That were finished.
         gravity: In the world, shape (3,) [m/s^2].
         recorded: When the samples were taken; None where nobody knows.
+        body: That carries the sensors of an import.
+        true: Sensors whose truth is known.
     """
 
     settings: Estimation
@@ -79,6 +81,8 @@ class RunFacts:
     steps: list[PlannedStep]
     gravity: np.ndarray
     recorded: datetime | None
+    body: Body = field(default_factory=Body)
+    true: frozenset[str] = frozenset()
 
     @staticmethod
     def of(session: Session) -> RunFacts:
@@ -89,6 +93,8 @@ class RunFacts:
             session.steps,
             session.robot.gravity if session.robot else STANDARD_DOWN,
             session.recorded_at,
+            session.analysis.body or Body(),
+            frozenset(own for own in session.sensor_names if session.truth_file(own) is not None),
         )
 
 

@@ -6,11 +6,12 @@ docs/exports.md describes each.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 
 from testbench.exceptions import BenchError, InputError, NotFoundError
+from testbench.formats.exporters.opensim_names import Model
 from testbench.formats.exporters.settings import settings_notes
 from testbench.formats.exporters.source import TRUTH, ExportSource, Frame
 from testbench.formats.exporters.writing import check_target, written_whole
@@ -124,7 +125,9 @@ def export_format(name: str) -> ExportFormat:
     return EXPORTS[name]
 
 
-def check_options(name: str, filter_name: str | None, frame: Frame) -> None:
+def check_options(
+    name: str, filter_name: str | None, frame: Frame, model: Model = "rajagopal"
+) -> None:
     """Refuse options that a format has no use for, rather than pass over them.
 
     Raises:
@@ -137,6 +140,8 @@ def check_options(name: str, filter_name: str | None, frame: Frame) -> None:
         raise InputError(
             f"--frame is for exports to sto; orientations exported to {name} are in the world, z up"
         )
+    if name != "mot" and model != "rajagopal":
+        raise InputError("--model is for exports to mot, whose columns are coordinates of a model")
 
 
 def prepare_export(name: str, session: Session, out: Path | None, force: bool) -> Path:
@@ -180,6 +185,8 @@ def write_export(
     """
     kind = export_format(name)
     write = writer or kind.writer()
+    if name == "mot" and source.wanted is None and not source.estimate.joints:
+        source = replace(source, wanted=TRUTH)  # what an arm measured is no filter's
     try:
         with written_whole(path, kind.is_folder) as partial:
             notes = write(source, partial)
@@ -197,6 +204,7 @@ __all__ = [
     "ExportSource",
     "Exported",
     "Frame",
+    "Model",
     "check_options",
     "export_format",
     "prepare_export",

@@ -7,27 +7,27 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.exporters.opensim_names import FILES, anatomical_columns
 from testbench.formats.exporters.opensim_text import gap_notes, overlap, write_text
 from testbench.formats.exporters.settings import settings_lines
-from testbench.formats.exporters.source import ExportSource, increasing
+from testbench.formats.exporters.source import TRUTH, ExportSource, increasing
 from testbench.model.joint_angle import flexion_of
 
 
 def write(source: ExportSource, path: Path) -> list[str]:
-    """Write the angles of every joint by the chosen filter, and the arm's measured joint angles.
+    """Write the angles of every joint by the chosen filter.
 
-    Rows are the instants of the first joint's proximal sensor, or of the arm where the session
-    defines no joint; other series are interpolated to them. Angles run on beyond 180 degrees
-    instead of jumping.
+    What an arm measured stands beside them, called so; it is the truth, and alone there in an
+    export of it. Rows are the instants of the first joint's proximal sensor, or of the arm where
+    the session defines no joint; other series are interpolated to them. Angles run on beyond 180
+    degrees instead of jumping.
 
     Raises:
-        InputError: The session has neither joints nor an arm.
+        InputError: The session has neither joints nor an arm, or none of them by that filter.
     """
     series = _series(source)
     if not series:
-        raise InputError(
-            f"{source.session.path} has no joint angles: it defines no joints and has no arm"
-        )
+        raise InputError(_nothing(source))
     times = {name: time for name, (time, _) in series.items()}
     first = next(iter(times.values()))
     time_ns = first[overlap(times)]
@@ -44,11 +44,33 @@ def write(source: ExportSource, path: Path) -> list[str]:
         "inDegrees=yes",
         f"session={source.session.name}",
         f"filter={source.filter}",
+        f"coordinates={FILES[source.model]}",
         *settings_lines(source),
     ]
     texts = "\t".join(["%.9f"] * len(columns))
     write_text(path, header, list(columns), time_ns, texts, np.column_stack(list(columns.values())))
     return gap_notes(times, int(time_ns[0]), int(time_ns[-1]))
+
+
+def _nothing(source: ExportSource) -> str:
+    """Why there is no angle to write."""
+    path, joints = source.session.path, list(source.session.analysis.joints)
+    if joints:
+        why = "; ".join(
+            dict.fromkeys(
+                str(own) for joint in source.estimate.joints.values() for own in joint.findings
+            )
+        )
+        return f"{path} has no angles of {', '.join(joints)} by '{source.filter}': {why}"
+    if source.arm is not None:
+        return (
+            f"{path} has no joint angles by '{source.filter}': it defines no joints between "
+            "sensors; --filter truth writes those that the arm measured"
+        )
+    return (
+        f"{path} has no joint angles: it defines no joints and has no arm; import it with --joint "
+        "NAME=PROXIMAL:DISTAL"
+    )
 
 
 def _series(source: ExportSource) -> dict[str, tuple[np.ndarray, dict[str, np.ndarray]]]:
@@ -57,14 +79,26 @@ def _series(source: ExportSource) -> dict[str, tuple[np.ndarray, dict[str, np.nd
     All are finite.
     """
     result: dict[str, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
+    used: set[str] = set()
     for joint in source.joint_names():
         time, by_sequence = source.angles(joint)
         definitions = source.definitions(joint)
         columns: dict[str, np.ndarray] = {}
-        own = source.session.analysis.joints[joint].label
-        if own in by_sequence:
+        defined = source.session.analysis.joints[joint]
+        own = defined.label
+        named = (
+            anatomical_columns(joint, defined, by_sequence[own], source.model)
+            if own in by_sequence
+            else None
+        )
+        if named is not None and not used & set(named):
+            columns |= named
+            used |= set(named)
+        elif own in by_sequence:
             columns[f"{joint}_flexion"] = flexion_of(definitions[own], by_sequence[own])
         for sequence, angles in by_sequence.items():
+            if sequence == own and named is not None and columns:
+                continue
             columns |= {
                 f"{joint}_{sequence}_{which}": angles[:, i]
                 for i, which in enumerate(("first", "second", "third"))
@@ -75,8 +109,10 @@ def _series(source: ExportSource) -> dict[str, tuple[np.ndarray, dict[str, np.nd
             time[rows],
             {name: np.unwrap(values[rows]) for name, values in columns.items()},
         )
-    if source.arm is not None:
+    if source.arm is not None and (result or source.filter == TRUTH):
         rows = increasing(source.arm.host_time_ns)
-        measured = dict(zip(source.arm.joint_names, source.arm.q_measured[rows].T, strict=True))
+        alone = "" if source.filter == TRUTH else "_measured"
+        titles = [f"{name}{alone}" for name in source.arm.joint_names]
+        measured = dict(zip(titles, source.arm.q_measured[rows].T, strict=True))
         result["the arm"] = source.arm.host_time_ns[rows], measured
     return result

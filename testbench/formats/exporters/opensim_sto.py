@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.exporters.opensim_names import body_name
 from testbench.formats.exporters.opensim_text import data_rate, gap_notes, overlap, write_text
 from testbench.formats.exporters.settings import settings_lines
 from testbench.formats.exporters.source import ExportSource
@@ -61,13 +62,16 @@ def write(source: ExportSource, path: Path) -> list[str]:
 def column_names(source: ExportSource) -> list[str]:
     """<segment>_imu for each sensor.
 
-    It is <sensor>_imu where a segment is not named or carries several sensors.
+    Without a segment it is the body of OpenSim's models that the sensor is called after, else
+    <sensor>_imu; so is one of several sensors on one segment.
     """
-    placed = source.session.analysis.sensors
-    segments = {}
-    for name in source.sensor_names:
-        segment = placed[name].segment if name in placed else None
-        segments[name] = segment.name if segment is not None else name
+    placed, body = source.session.analysis.sensors, source.session.analysis.body
+    stated = {} if body is None else dict(body.segments)
+    stated |= {name: own.segment for name, own in placed.items() if own.segment is not None}
+    segments = {
+        name: stated[name].name if name in stated else body_name(name)
+        for name in source.sensor_names
+    }
     counts = Counter(segments.values())
     return [
         f"{segment if counts[segment] == 1 else name}_imu" for name, segment in segments.items()

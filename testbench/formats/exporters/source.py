@@ -10,8 +10,10 @@ from typing import Literal
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.exporters.opensim_names import Model
 from testbench.model import rotation
-from testbench.model.joint_angle import joint_angle_series, segment_orientation
+from testbench.model.joint_angle import joint_angle_series
+from testbench.model.true_segment import true_segment
 from testbench.records.results.estimate import Estimate
 from testbench.records.session.samples import ArmSamples, ImuSamples, Truth
 from testbench.records.session.session import Session
@@ -40,12 +42,14 @@ class ExportSource:
         estimate: What was computed from it.
         wanted: Filter that was asked for, or None.
         frame: Of orientations for OpenSim: its ground (y up) or the world (z up).
+        model: Of OpenSim, whose coordinates joint angles are named after.
     """
 
     session: Session
     estimate: Estimate
     wanted: str | None = None
     frame: Frame = "opensim"
+    model: Model = "rajagopal"
 
     @cached_property
     def imus(self) -> dict[str, ImuSamples]:
@@ -194,7 +198,7 @@ class ExportSource:
         q = []
         for name in (definition.proximal, definition.distal):
             own = true_orientation(self.truths[name], time_ns)
-            q.append(segment_orientation(own, self.session.analysis.sensors[name]))
+            q.append(true_segment(self.session.analysis, name, own))
         known = np.isfinite(q[0]).all(axis=1) & np.isfinite(q[1]).all(axis=1)
         result = {}
         for item in definition.definitions():

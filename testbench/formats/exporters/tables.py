@@ -15,6 +15,7 @@ from testbench.formats.exporters.settings import settings_of
 from testbench.formats.exporters.source import TRUTH, ExportSource, software, true_orientation
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_angle import flexion_of
+from testbench.records.results.estimate import angle_sd_columns
 from testbench.records.session.samples import QUATERNION, names, split
 
 Table = dict[str, np.ndarray]
@@ -96,6 +97,8 @@ def joint_table(source: ExportSource, name: str) -> Table:
     for (key, sequence), angles in series.items():
         columns = [f"{key}_{sequence}_{which}_rad" for which in ("first", "second", "third")]
         result |= split(columns, angles)
+        if (key, sequence) in estimated.sd:
+            result |= split(angle_sd_columns(key, sequence), estimated.sd[key, sequence])
         if sequence in definitions:
             result[f"{key}_{sequence}_flexion_rad"] = flexion_of(definitions[sequence], angles)
     return result
@@ -155,6 +158,7 @@ def conventions() -> dict[str, str]:
         "unknown",
         "<filter>_<sequence>_first_rad": "intrinsic Euler angles of the distal segment against the "
         "proximal one",
+        "<filter>_<sequence>_first_sd_rad": "standard uncertainty of that angle, where it is known",
         "<filter>_<sequence>_flexion_rad": "the one that is the flexion, with its sign",
     }
 

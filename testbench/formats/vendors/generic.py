@@ -74,9 +74,6 @@ def read(files: list[Path], options: Options) -> Recording:
     if len({file for one in mapped.values() for file, _ in one.read}) > 1:
         sensors = {name: one.sensor for name, one in mapped.items()}
         findings += share_clock(sensors)
-    if analysis.body is not None:
-        named = [*(part.name for part in analysis.body.segments.values()), *analysis.body.joints]
-        findings.append(finding("structure.body_kept", names=named))
     return Recording(
         sensor_name(stem_without_stamp(files[0].stem)),
         spec.description,
@@ -114,7 +111,7 @@ def _analysis(
             name: segment if isinstance(segment, Segment) else Segment(name=segment)
             for name, segment in spec.segments.items()
         }
-        body = Body(segments=segments, joints=spec.joints)
+        body = Body(segments=segments, joints=spec.joints, alignment=spec.alignment)
     return analysis.model_copy(update={"estimate": estimate, "body": body})
 
 
@@ -128,6 +125,9 @@ def _check_names(document: YamlDocument[MappingSpec], sensors: list[str]) -> Non
     for name in spec.segments:
         if name not in sensors:
             raise document.problem(unknown(name), "segments", name)
+    for name in spec.alignment.forward:
+        if name not in sensors:
+            raise document.problem(unknown(name), "alignment", "forward", name)
     for name, joint in spec.joints.items():
         for end in ("proximal", "distal"):
             sensor = getattr(joint, end)

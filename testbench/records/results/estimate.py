@@ -348,12 +348,17 @@ class JointEstimate:
             (filter, sequence), shape (n, 3) [rad].
         headings: What the joint's axes took out, by filter.
         findings: What is doubtful.
+        sd: Standard uncertainty of the angles, where it is known, shape (n, 3) [rad].
+        placements: By filter, how each sensor was placed on its segment, in words; empty on an arm,
+            where the protocol states it.
     """
 
     host_time_ns: np.ndarray
     angles: dict[tuple[str, str], np.ndarray]
     headings: dict[str, RelativeHeading] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
+    sd: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
+    placements: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def heading_series(self) -> dict[str, np.ndarray]:
         """Columns of what the joint's axes took out."""
@@ -425,8 +430,10 @@ class Estimate:
                 "joints": {
                     name: {
                         "angles": [
-                            {"filter": key, "sequence": label} for key, label in joint.angles
+                            {"filter": key, "sequence": label, "sd": (key, label) in joint.sd}
+                            for key, label in joint.angles
                         ],
+                        "placements": joint.placements,
                         "headings": list(joint.headings),
                         "findings": joint.findings,
                     }
@@ -499,6 +506,7 @@ class _SensorSummary(SensorFits):
 class _Angle:
     filter: str
     sequence: str
+    sd: bool = False
 
 
 @dataclass(frozen=True)
@@ -506,6 +514,7 @@ class _JointSummary:
     angles: list[_Angle]
     headings: list[str]
     findings: list[Finding]
+    placements: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
 @with_config(AS_WRITTEN)
@@ -571,6 +580,8 @@ def _write_joint(file: Path, joint: JointEstimate) -> None:
     columns = {"host_time_ns": joint.host_time_ns}
     for (key, sequence), angles in joint.angles.items():
         columns |= split(_angle_columns(key, sequence), angles.astype(np.float32))
+    for (key, sequence), sd in joint.sd.items():
+        columns |= split(angle_sd_columns(key, sequence), sd.astype(np.float32))
     columns |= joint.heading_series()
     write_parquet(file, columns, {"content": "intrinsic Euler angles"})
 
@@ -587,7 +598,16 @@ def _read_joint(file: Path, summary: _JointSummary) -> JointEstimate:
         key: RelativeHeading(*(table[column] for column in _heading_columns(key)))
         for key in summary.headings
     }
-    return JointEstimate(table["host_time_ns"], angles, headings, summary.findings)
+    sd = {
+        (row.filter, row.sequence): join(table, angle_sd_columns(row.filter, row.sequence)).astype(
+            float
+        )
+        for row in summary.angles
+        if row.sd
+    }
+    return JointEstimate(
+        table["host_time_ns"], angles, headings, summary.findings, sd, summary.placements
+    )
 
 
 def _orientation_columns(key: str) -> list[str]:
@@ -596,6 +616,11 @@ def _orientation_columns(key: str) -> list[str]:
 
 def _angle_columns(key: str, sequence: str) -> list[str]:
     return [f"{key}_{sequence}_{which}_rad" for which in ("first", "second", "third")]
+
+
+def angle_sd_columns(key: str, sequence: str) -> list[str]:
+    """Titles of the standard uncertainties of the three angles of a joint."""
+    return [f"{key}_{sequence}_{which}_sd_rad" for which in ("first", "second", "third")]
 
 
 def _heading_columns(key: str) -> list[str]:

@@ -21,6 +21,7 @@ from testbench.exceptions import NotFoundError, SessionError
 from testbench.records.disk.json_record import first_problem
 from testbench.records.disk.near import Instants, is_long, read_near
 from testbench.records.disk.tables import ROWS_PER_GROUP, parquet_shape, read_parquet
+from testbench.records.session.body_joints import with_body
 from testbench.records.session.layout import (
     ARM,
     EVENTS,
@@ -124,14 +125,7 @@ class Session:
             raise SessionError(
                 f"{self.path / MANIFEST}: the analysis is damaged: {first_problem(error)}"
             ) from None
-        for name, joint in analysis.joints.items():
-            for end, sensor in (("proximal", joint.proximal), ("distal", joint.distal)):
-                if sensor not in self.manifest.sensors:
-                    raise SessionError(
-                        f"{self.path / MANIFEST}: the analysis is damaged: joints.{name}.{end} is "
-                        f"'{sensor}'; the sensors are {', '.join(self.sensor_names)}"
-                    )
-        return analysis
+        return with_body(analysis, self.sensor_names, self.path / MANIFEST)
 
     @property
     def is_being_recorded(self) -> bool:

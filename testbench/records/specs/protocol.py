@@ -14,6 +14,7 @@ from testbench.records.specs.magnetism import MagneticDipole
 from testbench.records.specs.protocol_arm import ArmUse, Guards
 from testbench.records.specs.protocol_chain import ChainEstimation
 from testbench.records.specs.protocol_steps import Motion, Range, Section, Variable
+from testbench.records.specs.segment_alignment import AlignmentMethod, SegmentAlignment
 from testbench.records.specs.sensor import ImuParameters, load_preset
 from testbench.records.specs.strict import (
     Angles3,
@@ -363,15 +364,35 @@ class Environment(StrictModel):
     )
 
 
+class BodyJoint(JointDefinition):
+    """A joint between sensors of an import, which no arm carries."""
+
+    alignment: AlignmentMethod | None = Field(
+        default=None, description="In place of that of the body, for this joint."
+    )
+
+    def aligned(self, body: Body) -> SegmentAlignment:
+        """How its sensors sit on their segments."""
+        own = body.alignment
+        return own if self.alignment is None else own.model_copy(update={"method": self.alignment})
+
+
 class Body(StrictModel):
     """What a person says of the body that carries the sensors of an imported recording."""
 
     segments: dict[Name, Segment] = Field(
         default={}, description="Body segment that each sensor stands for, by sensor."
     )
-    joints: dict[Name, JointDefinition] = Field(
-        default={}, description="Joints between them, by name."
+    joints: dict[Name, BodyJoint] = Field(default={}, description="Joints between them, by name.")
+    alignment: SegmentAlignment = Field(
+        default_factory=SegmentAlignment, description="How the sensors sit on their segments."
     )
+
+    def segment(self, sensor: str) -> Segment:
+        """The segment that a sensor stands for; called after it, in its axes, where none is
+        named.
+        """
+        return self.segments.get(sensor) or Segment.model_construct(name=sensor, rotation_deg={})
 
 
 class Analysis(StrictModel):

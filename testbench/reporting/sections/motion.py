@@ -95,9 +95,19 @@ def _owners(evaluation: Evaluation, kind: str) -> list[str]:
 
 
 def joint_motion_section(
-    evaluation: Evaluation, colours: Colours, spans: list[Span]
+    evaluation: Evaluation,
+    colours: Colours,
+    spans: list[Span],
+    curves: Mapping[str, list[Block]],
 ) -> Section | None:
-    """Angles of the joints over time, their ranges and cycles; None where there are none."""
+    """Angles of the joints over time, their ranges and cycles; None where there are none.
+
+    Args:
+        evaluation: Of the session.
+        colours: By filter.
+        spans: Sections of the protocol.
+        curves: By joint of a body, its angles with their uncertainty.
+    """
     joints = unjudged_joints(evaluation)
     if not joints:
         return None
@@ -106,7 +116,9 @@ def joint_motion_section(
         rows = [row for row in evaluation.angle_ranges if (row.kind, row.owner) == ("joint", joint)]
         if len(joints) > 1:
             section.blocks.append(Heading(joint))
-        for sequence in dict.fromkeys(row.sequence for row in rows):
+        section.blocks += curves.get(joint, [])
+        drawn = {rows[0].sequence} if joint in curves else set()
+        for sequence in dict.fromkeys(row.sequence for row in rows if row.sequence not in drawn):
             own = [row for row in rows if row.sequence == sequence]
             figure = _angles_over_time(
                 evaluation.series.get(motion_table(joint), {}), own, colours, spans

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import rerun.blueprint as rrb
 
@@ -24,6 +26,7 @@ def layout(
     columns: int,
     reach: float | None,
     magnetometers: set[str],
+    unjudged: Mapping[str, str],
 ) -> rrb.Blueprint:
     """The blueprint of a session.
 
@@ -33,12 +36,18 @@ def layout(
         columns: Axes that stand side by side for one sensor.
         reach: Size of what the arm does [m], None without an arm.
         magnetometers: Sensors that have one.
+        unjudged: Joints that nothing was judged of, with the label of their own definition.
     """
     spaces = [_side_by_side(len(session.sensor_names), columns, alone=reach is None)]
     if reach is not None:
         spaces.insert(0, _bench(reach))
     left = rrb.Vertical(*spaces, row_shares=[3, 2][: len(spaces)])
-    tabs = [*_joint_tabs(evaluation), *_chain_tabs(evaluation), *_orientation_tabs(evaluation)]
+    tabs = [
+        *_unjudged_tabs(unjudged),
+        *_joint_tabs(evaluation),
+        *_chain_tabs(evaluation),
+        *_orientation_tabs(evaluation),
+    ]
     tabs += [_imu_tab(name, name in magnetometers) for name in session.sensor_names]
     right: list[rrb.Container | rrb.View] = [rrb.Tabs(*tabs, active_tab=0)]
     shares = [7.0]
@@ -107,6 +116,15 @@ def _joint_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:
             error = _plot("flexion error [deg]", [f"+ {path}/error"])
             tabs.append(rrb.Vertical(flexion, error, name=f"{joint} {sequence}"))
     return tabs
+
+
+def _unjudged_tabs(joints: Mapping[str, str]) -> list[rrb.Container]:
+    """The flexion of joints without a truth, all in one tab."""
+    plots = [
+        _plot(f"{name}: flexion [deg], {label}", [f"+ /joints/{name}/{label}/flexion"])
+        for name, label in joints.items()
+    ]
+    return [rrb.Vertical(*plots, name="joint angles")] if plots else []
 
 
 def _chain_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:

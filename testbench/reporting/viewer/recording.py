@@ -23,7 +23,14 @@ from testbench.reporting.viewer.scene import (
     log_mounted_sensor,
     log_side_by_side,
 )
-from testbench.reporting.viewer.signals import log_chain, log_errors, log_imu, log_steps
+from testbench.reporting.viewer.signals import (
+    log_chain,
+    log_errors,
+    log_imu,
+    log_joint_angles,
+    log_steps,
+    unjudged_joints,
+)
 
 
 def save_recording(
@@ -87,9 +94,10 @@ def _log(
         if estimate
         else 1
     )
+    unjudged = unjudged_joints(session, estimate, evaluation)
     magnetometers = {name for name, own in samples.items() if own.mag is not None}
     recording.send_blueprint(
-        layout(session, evaluation, columns, _reach(session, arm), magnetometers)
+        layout(session, evaluation, columns, _reach(session, arm), magnetometers, unjudged)
     )
     recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.log("/", rr.CoordinateFrame(WORLD), static=True)
@@ -102,6 +110,8 @@ def _log(
     log_side_by_side(recording, truths, estimate, colours, columns)
     for name, own in samples.items():
         log_imu(recording, name, own, estimate)
+    if estimate is not None:
+        log_joint_angles(recording, session, estimate, unjudged, colours)
     if evaluation is not None:
         log_errors(recording, evaluation, colours)
         log_chain(recording, evaluation)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import rerun as rr
 
+from testbench.model.joint_angle import flexion_of
 from testbench.records.findings.finding import Finding, Severity, told_once
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
@@ -94,6 +95,49 @@ def log_errors(
                     {"true": REFERENCE, **colours},
                     begin,
                 )
+
+
+def unjudged_joints(
+    session: Session, estimate: Estimate | None, evaluation: Evaluation | None
+) -> dict[str, str]:
+    """Joints with angles that nothing was judged of, and the label of their own definition.
+
+    Args:
+        session: The recording.
+        estimate: Of it.
+        evaluation: Of that.
+    """
+    judged = {row.joint for row in evaluation.joint_angle} if evaluation is not None else set()
+    labels = {name: joint.label for name, joint in session.analysis.joints.items()}
+    joints = estimate.joints.items() if estimate is not None else ()
+    return {name: labels[name] for name, own in joints if own.angles and name not in judged}
+
+
+def log_joint_angles(
+    recording: rr.RecordingStream,
+    session: Session,
+    estimate: Estimate,
+    labels: Mapping[str, str],
+    colours: dict[str, str],
+) -> None:
+    """Flexion of joints that nothing was judged of, by every filter [deg].
+
+    Args:
+        recording: To write to.
+        session: The recording.
+        estimate: Of it.
+        labels: Those joints, with the label of their own definition.
+        colours: By filter.
+    """
+    for name, label in labels.items():
+        own, joint = estimate.joints[name], session.analysis.joints[name]
+        lines = {
+            key: np.unwrap(flexion_of(joint, angles))
+            for (key, sequence), angles in own.angles.items()
+            if sequence == label
+        }
+        path = f"joints/{name}/{label}/flexion"
+        _log_lines(recording, path, own.host_time_ns, lines, colours, 0)
 
 
 def chain_joints(evaluation: Evaluation) -> dict[str, list[str]]:

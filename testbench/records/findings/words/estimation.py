@@ -83,6 +83,58 @@ TEMPLATES = {
         "{filter}: its axes hardly tell the heading (standard deviation {sd_deg:.0f} deg, "
         "median): they are often vertical",
     ),
+    "joint.by_truth": Template(
+        NOTE,
+        "its segments are the bodies of the truth",
+        "its sensors were brought to them by the motion",
+        "alignment: {{method: standing}} to place them without the truth",
+    ),
+    "joint.as_stated": Template(
+        NOTE, "its sensors sit on their segments as stated; headings by {by}"
+    ),
+    "joint.standing_found": Template(
+        NOTE,
+        "the rest from {begin_s:.2f} to {end_s:.2f} s is taken for standing upright",
+        "its angles are zero there, to {sd_deg:g} deg about each axis of each segment",
+        "alignment: {{standing_s: [from, to]}} if that is another time",
+    ),
+    "joint.standing_stated": Template(
+        NOTE,
+        "its angles are zero while the person is said to stand, from {begin_s:.2f} to {end_s:.2f} "
+        "s, to {sd_deg:g} deg about each axis of each segment",
+    ),
+    "joint.facing": Template(
+        NOTE,
+        "{filter}: which way the body faces: by {by}; headings between its sensors: by {relative}",
+    ),
+    "joint.hinge_found": Template(
+        NOTE,
+        "{filter}: its axis was found by the motion in both sensors, to {sd_deg:.1f} deg together",
+    ),
+    "joint.hinge_unknown": Template(
+        WARNING,
+        "{filter}: its axis was not found by the motion, so that the standing pose places its "
+        "sensors: {why}",
+    ),
+    "joint.no_hinge": Template(
+        NOTE,
+        "it is no hinge: its sensors are placed by a hinge beside it where there is one, else by "
+        "the standing pose",
+    ),
+    "joint.no_hinge_at_all": Template(
+        WARNING,
+        "functional motions place sensors by hinges, and none showed its axis: the standing pose "
+        "places its sensors",
+        "",
+        "a knee or an elbow among the joints, or a definition {{hinge: [x, y, z]}}",
+    ),
+    "joint.not_placed": Template(
+        WARNING,
+        "{filter}: its angles were not computed, for the recording does not show this: {why}",
+        "",
+        "what tells it: {add}",
+    ),
+    "joint.not_computed": Template(WARNING, "{filter}: its angles were not computed: {why}"),
     "chain.no_arm": Template(
         WARNING,
         "the chain was not estimated: the recording has no arm and no plan, and states no model "

@@ -39,6 +39,11 @@ TEMPLATES = {
         NOTE, "{count} of {samples} samples not judged: the truth is not known there"
     ),
     "judged.no_truth_of_joint": Template(NOTE, "no truth, so its angle is not judged"),
+    "judged.joint_covered": Template(
+        NOTE,
+        "{filter}: the 95 % interval that is stated of its flexion holds {percent:.0f} % of its "
+        "errors",
+    ),
     "judged.truth_jumps": Template(WARNING, "{count} orientations of the truth left out: jumps"),
     "judged.steps_left_out": Template(WARNING, "{lost} of {planned} {kind} not judged: {reasons}"),
     "judged.few_samples": Template(WARNING, "only {judged} of {planned} samples judged: {reasons}"),

@@ -38,16 +38,17 @@ TEMPLATES = {
         "such objects only MATLAB opens; they were passed over",
         "in MATLAB, save their columns as arrays (table2struct(T, 'ToScalar', true))",
     ),
+    "structure.side_assumed": Template(
+        NOTE,
+        "nothing says on which side of the body it is: the right one is assumed",
+        "",
+        "end its name in _r or _l",
+    ),
     "structure.truth_in_rows": Template(
         NOTE,
         "its truth stands in the rows of its samples",
         "it needs no clock of its own, and none is fitted",
         "estimate: {{align_clock: true}} if it is late all the same",
-    ),
-    "structure.body_kept": Template(
-        NOTE,
-        "segments and joints of the mapping ({names}) are kept in the session",
-        "angles of joints without an arm are not computed yet",
     ),
     "structure.at_times_of": Template(
         NOTE,

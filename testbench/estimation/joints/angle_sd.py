@@ -1,0 +1,106 @@
+"""Standard uncertainty of joint angles over time, from that of segments, headings and filters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+from testbench.model.decomposition import Decomposition
+
+STEP = 1e-5
+"""Of a small rotation in a numeric derivative [rad]."""
+INCLINATION_SD = np.radians(0.5)
+"""Of each filter's vertical while a body moves, about each level axis [rad]."""
+UP_OF_SEGMENT = np.array([0.0, 1.0, 0.0])
+
+
+@dataclass(frozen=True)
+class AngleBudget:
+    """What makes the angles of a joint uncertain.
+
+    Attributes:
+        proximal: Covariance of the proximal segment's axes, shape (3, 3) [rad^2].
+        distal: Covariance of the distal segment's axes, shape (3, 3) [rad^2].
+        shared: Of what turns both segments' axes alike, shape (3, 3) [rad^2].
+        relative: Of the heading between the earths of both sensors at `start_ns` [rad].
+        drift: By how much they drift apart [rad / sqrt(s)].
+        start_ns: When the headings were brought together, host time [ns]; None for never.
+        posed: Whether an error of the relative heading is none in the standing pose.
+        headings: Uncertainty of the heading that a constraint of the joint tells, shape (n,)
+            [rad], in place of `relative` and `drift`; None without.
+    """
+
+    proximal: np.ndarray
+    distal: np.ndarray
+    shared: np.ndarray
+    relative: float
+    drift: float
+    start_ns: int | None
+    posed: bool
+    headings: np.ndarray | None = None
+
+
+def angle_sd(
+    time_ns: np.ndarray,
+    q_proximal: np.ndarray,
+    q_distal: np.ndarray,
+    decomposition: Decomposition,
+    budget: AngleBudget,
+) -> np.ndarray:
+    """Standard uncertainty of the three angles.
+
+    A small rotation e about the axes of the distal segment is d2 - R' d1 of both segments' axes;
+    (1 - R') c of what both share; h (y - u) of the relative heading, u being the
+    vertical in the distal segment, where it is none in the standing pose, else h u.
+
+    Args:
+        time_ns: Host time, shape (n,) [ns].
+        q_proximal: q_world_from_segment of the proximal segment, shape (n, 4).
+        q_distal: Of the distal one, shape (n, 4).
+        decomposition: How the angles are written.
+        budget: What is uncertain.
+
+    Returns:
+        Shape (n, 3) [rad].
+    """
+    q = rotation.multiply(rotation.conjugate(q_proximal), q_distal)
+    R = rotation.to_matrix(q)
+    up = rotation.to_matrix(q_distal)[:, 2, :]
+    covariance = budget.distal + np.einsum("nki,kl,nlj->nij", R, budget.proximal, R)
+    left = np.eye(3) - np.swapaxes(R, 1, 2)
+    covariance += np.einsum("nik,kl,njl->nij", left, budget.shared, left)
+    variance = _relative_variance(time_ns, budget)
+    lasting = UP_OF_SEGMENT - up if budget.posed else up
+    covariance += budget.relative**2 * _outer(lasting) if budget.headings is None else 0.0
+    covariance += variance[:, None, None] * _outer(up)
+    covariance += 2 * INCLINATION_SD**2 * (np.eye(3) - _outer(up))
+    J = _derivative(q, decomposition)
+    found = np.einsum("nik,nkl,nil->ni", J, covariance, J)
+    return np.minimum(np.sqrt(np.maximum(found, 0.0)), np.pi)
+
+
+def _relative_variance(time_ns: np.ndarray, budget: AngleBudget) -> np.ndarray:
+    """Of the heading between both sensors, beside what lasts, shape (n,) [rad^2]."""
+    if budget.headings is not None:
+        return budget.headings**2
+    if budget.start_ns is None:
+        return np.zeros(len(time_ns))
+    return np.asarray(budget.drift**2 * np.abs(time_ns - budget.start_ns) / NANOSECONDS)
+
+
+def _outer(v: np.ndarray) -> np.ndarray:
+    return np.asarray(v[:, :, None] * v[:, None, :])
+
+
+def _derivative(q: np.ndarray, decomposition: Decomposition) -> np.ndarray:
+    """Of the three angles in a small rotation about the distal axes, shape (n, 3, 3)."""
+    columns = []
+    for axis in np.eye(3):
+        turn = rotation.from_rotation_vector(STEP * axis)
+        ahead = decomposition.angles(rotation.multiply(q, turn))
+        behind = decomposition.angles(rotation.multiply(q, rotation.conjugate(turn)))
+        columns.append(rotation.wrap(ahead - behind) / (2 * STEP))
+    return np.stack(columns, axis=-1)

@@ -1,0 +1,67 @@
+"""The standing pose: when a person stands upright, and how each sensor is held then."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.estimation.joints.limb import LEAST_S, LONGEST_S, Limb
+from testbench.estimation.signals.segmentation import intervals_of
+from testbench.frames import NANOSECONDS
+from testbench.model import rotation
+
+AWAY_S = 0.1
+"""Left out at either end of a rest that was found [s]."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """When a person stands, and how each sensor is held.
+
+    Attributes:
+        begin_ns: Host time [ns].
+        end_ns: Host time [ns].
+        q: q_earth_from_sensor by sensor, shape (4,) each.
+        sway: RMS turn of each sensor about its mean [rad].
+        told: Whether a person said when; else it is the first rest.
+    """
+
+    begin_ns: int
+    end_ns: int
+    q: dict[str, np.ndarray]
+    sway: dict[str, float]
+    told: bool
+
+    @property
+    def middle_ns(self) -> int:
+        return (self.begin_ns + self.end_ns) // 2
+
+
+def find_standing(limb: Limb, stated_ns: tuple[int, int] | None) -> Standing | None:
+    """The standing pose; None where nobody rests, or nothing was recorded when it is said to be.
+
+    Args:
+        limb: The sensors.
+        stated_ns: From and to, host time [ns]; None for the first rest of all sensors.
+    """
+    if stated_ns is not None:
+        begin, end = stated_ns
+    else:
+        least = round(LEAST_S / limb.interval)
+        rests = intervals_of(limb.quiet(), least)
+        if not len(rests):
+            return None
+        first, last = rests[0]
+        away = round(AWAY_S * NANOSECONDS)
+        begin = int(limb.time_ns[first]) + away
+        end = min(int(limb.time_ns[last - 1]) - away, begin + round(LONGEST_S * NANOSECONDS))
+    rows = (limb.time_ns >= begin) & (limb.time_ns <= end)
+    if rows.sum() < 3:
+        return None
+    q, sway = {}, {}
+    for name, own in limb.q.items():
+        q[name] = rotation.mean(own[rows])
+        turned = rotation.multiply(rotation.conjugate(q[name]), own[rows])
+        sway[name] = float(np.sqrt(np.mean(rotation.angle(turned) ** 2)))
+    return Standing(begin, end, q, sway, stated_ns is not None)

@@ -1,0 +1,67 @@
+"""Joints of an imported recording, as a person names them beside its files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from testbench.exceptions import InputError, NotFoundError
+from testbench.formats.recording import Recording
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
+from testbench.records.specs.anatomy import kind_of, side_of
+from testbench.records.specs.protocol import Body
+
+
+def attach_body(recording: Recording, given: Body) -> None:
+    """Give a recording joints, beside those that its mapping has.
+
+    Args:
+        recording: What was read.
+        given: Segments, joints and alignment; an alignment that says nothing leaves that of the
+            mapping.
+
+    Raises:
+        NotFoundError: A part of it is of a sensor that there is not; lists those that exist.
+        InputError: A joint or segment stands in the mapping, too; or there is no joint at all.
+    """
+    sensors, known = list(recording.sensors), recording.analysis.body or Body()
+    ends = [end for joint in given.joints.values() for end in (joint.proximal, joint.distal)]
+    for name in (*given.segments, *given.alignment.forward, *ends):
+        if name not in sensors:
+            raise NotFoundError("sensor of this recording", name, sensors)
+    for what, mine, theirs in (
+        ("joint", given.joints, known.joints),
+        ("segment of sensor", given.segments, known.segments),
+    ):
+        twice = sorted(set(mine) & set(theirs))
+        if twice:
+            raise InputError(
+                f"the {what} '{twice[0]}' is given by an option and by the mapping; leave one out"
+            )
+    joints = {**known.joints, **given.joints}
+    if not joints:
+        raise InputError(
+            "--sequence, --place-by, --standing, --forward and --segment describe joints, and "
+            "there is none: name one with --joint NAME=PROXIMAL:DISTAL"
+        )
+    alignment = given.alignment if given.alignment.model_fields_set else known.alignment
+    body = Body(segments={**known.segments, **given.segments}, joints=joints, alignment=alignment)
+    recording.analysis = recording.analysis.model_copy(update={"body": body})
+    recording.findings += side_findings(body, given.joints)
+
+
+def side_findings(body: Body, names: Iterable[str]) -> list[Finding]:
+    """Joints of a limb of which nobody says on which side of the body they are.
+
+    Args:
+        body: With its joints.
+        names: Of those that are looked at.
+    """
+    found = []
+    for name in names:
+        joint = body.joints[name]
+        if kind_of(name, joint) is None:
+            continue
+        if side_of(name, joint.distal, joint.proximal) is None:
+            found.append(finding("structure.side_assumed", f"joint '{name}'"))
+    return found

@@ -1,0 +1,55 @@
+"""What a joint of a body is called, and what its name says: which joint, of which side."""
+
+from __future__ import annotations
+
+import re
+from typing import Literal, get_args
+
+from testbench.records.specs.joint_definition import FlexionAngle, JointRotation
+
+JointKind = Literal["elbow", "wrist", "hip", "knee", "ankle"]
+Side = Literal["right", "left"]
+KINDS: tuple[JointKind, ...] = get_args(JointKind)
+_SIDES: dict[str, Side] = {"right": "right", "r": "right", "left": "left", "l": "left"}
+_WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
+FLEXION_AXIS = "Z"
+"""In the axes of the ISB, z points to the right: flexion is about it (Wu et al. 2002, 2005)."""
+
+
+def words_of(name: str) -> list[str]:
+    """The words of a name, lower case: RFemur, r_femur and FemurRight alike."""
+    return [word.lower() for word in _WORD.findall(name)]
+
+
+def kind_of(name: str, definition: FlexionAngle | None = None) -> JointKind | None:
+    """Which joint is meant: by its definition, else by its name; None where neither says.
+
+    Args:
+        name: Of the joint.
+        definition: Of its angles.
+    """
+    rotation = None if definition is None else definition.rotation
+    if isinstance(rotation, JointRotation):
+        if rotation.isb is not None:
+            return rotation.isb
+        if rotation.grood_suntay is not None:
+            return rotation.grood_suntay
+    words = words_of(name)
+    return next((kind for kind in KINDS if kind in words), None)
+
+
+def side_of(*names: str) -> Side | None:
+    """Which side of the body is meant: by the first name that says it, None where none does."""
+    for name in names:
+        said = {_SIDES[word] for word in words_of(name) if word in _SIDES}
+        if len(said) == 1:
+            return said.pop()
+    return None
+
+
+def is_anatomical(definition: FlexionAngle) -> bool:
+    """Whether angles are those of a joint in the ISB's axes: flexion about z first, then x, y."""
+    rotation = definition.rotation
+    if not isinstance(rotation, JointRotation):
+        return False
+    return rotation.isb is not None or rotation.euler == "ZXY"
