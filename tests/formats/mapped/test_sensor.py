@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from testbench.exceptions import FileProblems, InputError
 from tests.formats.mapped.mappings import PLAIN, check
-from tests.told import codes
 
 G = 9.80665
 
