@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +104,18 @@ def test_figures_come_before_what_was_recorded(kind):
 def test_the_figures_of_a_judged_session_stay_as_they_were(quick: Judged):
     page = Page(render(quick.session, quick.estimate, quick.evaluation))
     assert not any("signals of" in key or "Euler angles" in key for key in drawn(page))
+
+
+def test_a_sensor_of_quaternions_alone_has_no_empty_figure(tmp_path: Path):
+    seconds = made.times(4.0)
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (len(seconds), 1))
+    nothing = np.full((len(seconds), 3), np.nan)
+    samples = replace(made.samples_of(seconds, q, q), gyr=nothing, acc=nothing)
+    session = made.written(tmp_path / "alone", {"imu": samples}, ["device"])
+    estimated = estimate(session)
+    page = Page(render(session, estimated, evaluate(session, estimated)))
+    assert "imu gave no rate, no specific force and no field." in page.words
+    assert set(drawn(page)) == {"Euler angles of imu over time, ZYX", "quaternion of imu over time"}
 
 
 def test_a_recorded_knee_has_its_figures(data: Path, tmp_path: Path):

@@ -522,7 +522,8 @@ def signal_section(
 
 def _signals(
     name: str, sensor: SensorEstimate, samples: ImuSamples, spans: list[Span], folded: bool
-) -> Figures:
+) -> Block:
+    """The figure of a sensor's readings; a sentence where it gave none, as one of quaternions."""
     envelope = Envelope(sensor.host_time_ns / NANOSECONDS)
     panels: dict[str, dict[str, np.ndarray]] = {}
     for key, title in SAMPLES.items():
@@ -530,6 +531,8 @@ def _signals(
         if values is not None and np.isfinite(values).any():
             size = np.degrees(1.0) if key == "gyr" else 1.0
             panels[title] = {AXES[i]: envelope(size * values[:, i]) for i in range(3)}
+    if not panels:
+        return Sentence(f"{name} gave no rate, no specific force and no field.")
     thinned = f" One of {sensor.every} samples is shown." if sensor.every > 1 else ""
     return Figures(
         f"Signals over time: {name}",
