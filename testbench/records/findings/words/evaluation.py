@@ -29,7 +29,9 @@ TEMPLATES = {
     ),
     "comparison.none": Template(WARNING, "not compared with {filter}: {why}"),
     "cycles.none_found": Template(
-        NOTE, "no cycles were found in {signal}: it does not repeat itself at least three times"
+        NOTE,
+        "no cycles were found in {signal}: fewer than three, each from one largest value to the "
+        "next, are whole and alike",
     ),
     "judged.not_aligned": Template(WARNING, "{filters} not judged: not aligned to the truth"),
     "judged.joint_not_aligned": Template(
