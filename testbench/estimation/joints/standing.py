@@ -20,8 +20,8 @@ class Standing:
     """When a person stands, and how each sensor is held.
 
     Attributes:
-        begin_ns: Host time [ns].
-        end_ns: Host time [ns].
+        begin_ns: First instant that counts, host time [ns].
+        end_ns: The last one [ns].
         q: q_earth_from_sensor by sensor, shape (4,) each.
         sway: RMS turn of each sensor about its mean [rad].
         told: Whether a person said when; else it is the first rest.

@@ -117,25 +117,19 @@ def _analysis(
 
 def _check_names(document: YamlDocument[MappingSpec], sensors: list[str]) -> None:
     """Refuse parts of a mapping that speak of sensors that there are not."""
-    spec = document.value
-
-    def unknown(name: str) -> str:
-        return f"there is no sensor '{name}'; the sensors are {', '.join(sensors)}"
-
-    for name in spec.segments:
-        if name not in sensors:
-            raise document.problem(unknown(name), "segments", name)
-    for name in spec.alignment.forward:
-        if name not in sensors:
-            raise document.problem(unknown(name), "alignment", "forward", name)
+    spec, spoken = document.value, list[tuple[str, tuple[str | int, ...]]]()
+    spoken += [(name, ("segments", name)) for name in spec.segments]
+    spoken += [(name, ("alignment", "forward", name)) for name in spec.alignment.forward]
     for name, joint in spec.joints.items():
-        for end in ("proximal", "distal"):
-            sensor = getattr(joint, end)
-            if sensor not in sensors:
-                raise document.problem(unknown(sensor), "joints", name, end)
+        spoken.append((joint.proximal, ("joints", name, "proximal")))
+        spoken.append((joint.distal, ("joints", name, "distal")))
     for i, exclusion in enumerate(spec.exclude):
-        for sensor in unknown_sensors([exclusion], sensors):
-            raise document.problem(unknown(sensor), "exclude", i, "sensors")
+        unknown = unknown_sensors([exclusion], sensors)
+        spoken += [(sensor, ("exclude", i, "sensors")) for sensor in unknown]
+    for sensor, place in spoken:
+        if sensor not in sensors:
+            told = f"there is no sensor '{sensor}'; the sensors are {', '.join(sensors)}"
+            raise document.problem(told, *place)
 
 
 def _closed(files: Files) -> list[Finding]:

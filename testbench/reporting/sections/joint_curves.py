@@ -69,7 +69,8 @@ def _curves(
         for (key, sequence), angles in own.angles.items():
             if sequence != joint.label:
                 continue
-            degrees = np.degrees(np.unwrap(angles[:, i]))
+            sign = joint.sign if i == INDEX[joint.flexion] else 1
+            degrees = sign * np.degrees(np.unwrap(angles[:, i]))
             signals[key] = envelope(degrees)
             if len(signals) == 1 and (key, sequence) in own.sd:
                 wide = COVERED * np.degrees(own.sd[key, sequence][:, i])

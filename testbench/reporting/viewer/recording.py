@@ -110,8 +110,7 @@ def _log(
     log_side_by_side(recording, truths, estimate, colours, columns)
     for name, own in samples.items():
         log_imu(recording, name, own, estimate)
-    if estimate is not None:
-        log_joint_angles(recording, session, estimate, unjudged, colours)
+    log_joint_angles(recording, session, estimate, unjudged, colours)
     if evaluation is not None:
         log_errors(recording, evaluation, colours)
         log_chain(recording, evaluation)

@@ -116,7 +116,7 @@ def unjudged_joints(
 def log_joint_angles(
     recording: rr.RecordingStream,
     session: Session,
-    estimate: Estimate,
+    estimate: Estimate | None,
     labels: Mapping[str, str],
     colours: dict[str, str],
 ) -> None:
@@ -129,6 +129,8 @@ def log_joint_angles(
         labels: Those joints, with the label of their own definition.
         colours: By filter.
     """
+    if estimate is None:
+        return
     for name, label in labels.items():
         own, joint = estimate.joints[name], session.analysis.joints[name]
         lines = {
