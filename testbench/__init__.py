@@ -2,8 +2,8 @@
 
     from testbench import plan, execute, estimate, evaluate
 
-The four stages, `gait` of a walk beside them, `RunOptions` of a run, and `Session` to open a recording; each is loaded when it is
-first used.
+The four stages, `gait` of a walk beside them with its `GaitSettings`, `RunOptions` of a run, and
+`Session` to open a recording; each is loaded when it is first used.
 """
 
 from __future__ import annotations

@@ -32,8 +32,8 @@ def _corners(text: str | None) -> tuple[tuple[float, float], ...]:
             x, y = (float(part) for part in corner.split(","))
         except ValueError:
             raise InputError(
-                f"--corners: '{corner}' is no corner; write x,y in metres, corners apart by blanks: "
-                "'0,0 10,0 10,5'"
+                f"--corners: '{corner}' is no corner; write x,y in metres, corners apart by "
+                "blanks: '0,0 10,0 10,5'"
             ) from None
         found.append((x, y))
     return tuple(found)
@@ -151,7 +151,9 @@ def _say(found: Gait) -> None:
     columns = ["sensor", "on", "by", "strides", "distance [m]", "cadence [steps/min]"]
     say_table("Gait", [*columns, "stance [%]", "stride [m]", "closure [mm]"], rows)
     if found.symmetry:
-        rows = [[row.quantity, row.left, row.right, row.difference_percent] for row in found.symmetry]
+        rows = [
+            [row.quantity, row.left, row.right, row.difference_percent] for row in found.symmetry
+        ]
         say_table("Left and right", ["mean of", "left", "right", "difference [%]"], rows)
     if found.checks:
         rows = [

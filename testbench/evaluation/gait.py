@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -132,7 +133,7 @@ def distances_from(path: np.ndarray, corners: np.ndarray) -> np.ndarray:
         corners: Shape (k, 2) [m].
     """
     found = np.full(len(path), np.inf)
-    for begin, end in zip(corners[:-1], corners[1:], strict=True):
+    for begin, end in pairwise(corners):
         along = end - begin
         size = float(along @ along)
         part = np.clip((path - begin) @ along / size, 0, 1) if size > 0 else np.zeros(len(path))

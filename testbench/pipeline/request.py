@@ -238,12 +238,10 @@ class GaitRequest(Asked):
     )
     parameters: str = Field(
         default="",
-        description="Published ones of the regression, by name; a sensor on a foot goes by it, too, "
-        "where some are named. By place if empty.",
+        description="Published ones of the regression, by name; a sensor on a foot goes by it, "
+        "too, where some are named. By place if empty.",
     )
-    filter: str = Field(
-        default="euler_ekf", description="Whose orientation the regression takes."
-    )
+    filter: str = Field(default="euler_ekf", description="Whose orientation the regression takes.")
     floor: Literal["found", "level", "any"] = Field(
         default="found", description="Whether all stands of a foot are equally high."
     )

@@ -1,4 +1,4 @@
-"""A walk by a sensor on the foot: zero velocities, the way between them, strides and their events."""
+"""A walk by a sensor on the foot: zero velocities, the way between them, strides, events."""
 
 from __future__ import annotations
 
@@ -195,7 +195,9 @@ def _walk(
     q = track.q_world_from_sensor
     rate = readings.uniform.gyr[first:] - track.gyr_bias
     begin, end = (np.array([anchors[pair[j]] - first for pair in pairs], int) for j in (0, 1))
-    axes = foot_axes(track.position[end] - track.position[begin], q[begin], q[end]) if pairs else None
+    axes = (
+        foot_axes(track.position[end] - track.position[begin], q[begin], q[end]) if pairs else None
+    )
     toe_down = np.full(len(test), np.nan)
     if axes is None:
         return FootWalk(first, int(anchors[-1]), track, test, [], None, toe_down, level)

@@ -1,8 +1,8 @@
 """Where the heel lies ahead of a sensor on the foot, by the toe that the foot rolls over.
 
-Up to terminal contact a foot turns about its toe: the point of the foot that does not move then. The
-heel lies behind it by the length of a foot. A stride that turns the foot is as long as the way of
-its heel, which a sensor ahead of it does not go.
+Up to terminal contact a foot turns about its toe: the point of the foot that does not move then.
+The heel lies behind it by the length of a foot. A stride that turns the foot is as long as the way
+of its heel, which a sensor ahead of it does not go.
 """
 
 from __future__ import annotations

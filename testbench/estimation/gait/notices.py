@@ -47,7 +47,9 @@ def notices_on_foot(own: SensorGait, readings: Readings, walked: FootWalk) -> li
     if set_down:
         found.append(finding("gait.set_down", name, times=set_down))
     found += _low_rate(name, readings, LEAST_RATE_HZ)
-    force = np.concatenate([readings.acc[begin:end] for begin, end in readings.rests] or [np.zeros((0, 3))])
+    force = np.concatenate(
+        [readings.acc[begin:end] for begin, end in readings.rests] or [np.zeros((0, 3))]
+    )
     if len(force):
         size = float(np.linalg.norm(np.nanmean(force, axis=0)))
         if abs(size / STANDARD_GRAVITY - 1) > MOST_SCALE:

@@ -48,7 +48,7 @@ def place_by_name(name: str) -> Place | None:
 
 
 def side_by_name(name: str) -> str:
-    """ "left" or "right" as a sensor's name says, else ""."""
+    """The side that a sensor's name says, "left" or "right"; else ""."""
     found = [
         side
         for side, pattern in SIDES.items()

@@ -88,9 +88,7 @@ def _of_sensor(recording: SensorRecording, settings: GaitSettings) -> tuple[Sens
     return _by_regression(own, readings, settings)
 
 
-def _place(
-    name: str, told: str, readings: Readings, walked: FootWalk | None
-) -> tuple[str, str]:
+def _place(name: str, told: str, readings: Readings, walked: FootWalk | None) -> tuple[str, str]:
     """Where a sensor sits, and how that is known: "told", "name", "motion" or ""."""
     if told:
         return told, "told"

@@ -52,7 +52,7 @@ FORCE_NOISE = 0.02
 and cross-axis errors of up to 1 % in the swing.
 """
 RATE_NOISE = np.radians(0.02)
-"""Of the angular rate [rad/sqrt(s)]: twice the .01 deg/s/sqrt(Hz) of consumer parts' data sheets."""
+"""Of the rate [rad/sqrt(s)]: twice the .01 deg/s/sqrt(Hz) of consumer parts' data sheets."""
 RATE_BIAS_WALK = np.radians(0.002)
 """Of the gyroscope's bias [rad/s/sqrt(s)]: about .1 deg/s in an hour."""
 FORCE_BIAS_WALK = 1e-4
@@ -67,6 +67,10 @@ UNKNOWN_FORCE = 20.0
 """Noise where no force was measured [m/s/sqrt(s)]."""
 UNKNOWN_RATE = 0.5
 """Noise of the rate there [rad/sqrt(s)]."""
+UNTOLD = 1e8
+"""Variance of a coordinate that a measurement says nothing of [m^2]."""
+FIRST = (3, 9, 0)
+"""Errors that the three kinds of measurement are of: velocity, gyroscope's bias, position."""
 REFUSED_OVER = 30.0
 """A zero velocity whose first normalised innovation squared exceeds this is none: a moment of the
 swing that looks like a stance. (Of 3 degrees of freedom 16 is exceeded once in a thousand.)
@@ -212,6 +216,7 @@ def _matrix(state: np.ndarray) -> np.ndarray:
     )
 
 
+# One piece: the loops of a product, written out for the few elements that are not 0.
 @njit(cache=True)
 def _transition(m: np.ndarray, turn: np.ndarray, h: float) -> None:
     """P <- F P F'.
@@ -224,7 +229,7 @@ def _transition(m: np.ndarray, turn: np.ndarray, h: float) -> None:
         turn: R and -[f x] side by side, shape (3, 6).
         h: The step [s].
     """
-    for j in range(STATES):
+    for j in range(len(m)):
         for i in range(3):
             m[i, j] += h * m[3 + i, j]
         for i in range(3):
@@ -233,7 +238,7 @@ def _transition(m: np.ndarray, turn: np.ndarray, h: float) -> None:
         for i in range(3):
             for k in range(3):
                 m[6 + i, j] -= h * turn[i, k] * m[9 + k, j]
-    for j in range(STATES):
+    for j in range(len(m)):
         for i in range(3):
             m[j, i] += h * m[j, 3 + i]
         for i in range(3):
@@ -244,6 +249,28 @@ def _transition(m: np.ndarray, turn: np.ndarray, h: float) -> None:
                 m[j, 6 + i] -= h * turn[i, k] * m[j, 9 + k]
 
 
+@njit(cache=True)
+def _rows_back(m: np.ndarray, turn: np.ndarray, h: float) -> None:
+    """I <- F' I; see `_transition`.
+
+    Args:
+        m: I, shape (18, 18); updated.
+        turn: R and -[f x] side by side, shape (3, 6).
+        h: The step [s].
+    """
+    for j in range(len(m)):
+        for i in range(3):
+            for k in range(3):
+                m[9 + i, j] -= h * turn[k, i] * m[6 + k, j]
+                m[12 + i, j] -= h * turn[k, i] * m[3 + k, j]
+        for i in range(3):
+            for k in range(3):
+                m[6 + i, j] += h * turn[k, 3 + i] * m[3 + k, j]
+        for i in range(3):
+            m[3 + i, j] += h * m[i, j]
+
+
+# One piece: the loops of a product, written out for the few elements that are not 0.
 @njit(cache=True)
 def _back(costate: np.ndarray, m: np.ndarray, turn: np.ndarray, h: float) -> None:
     """The costate before a step, F' c, and its information, F' I F; see `_transition`.
@@ -263,17 +290,8 @@ def _back(costate: np.ndarray, m: np.ndarray, turn: np.ndarray, h: float) -> Non
             costate[6 + i] += h * turn[k, 3 + i] * costate[3 + k]
     for i in range(3):
         costate[3 + i] += h * costate[i]
-    for j in range(STATES):
-        for i in range(3):
-            for k in range(3):
-                m[9 + i, j] -= h * turn[k, i] * m[6 + k, j]
-                m[12 + i, j] -= h * turn[k, i] * m[3 + k, j]
-        for i in range(3):
-            for k in range(3):
-                m[6 + i, j] += h * turn[k, 3 + i] * m[3 + k, j]
-        for i in range(3):
-            m[3 + i, j] += h * m[i, j]
-    for j in range(STATES):
+    _rows_back(m, turn, h)
+    for j in range(len(m)):
         for i in range(3):
             for k in range(3):
                 m[j, 9 + i] -= h * turn[k, i] * m[j, 6 + k]
@@ -411,15 +429,15 @@ def _updated(
     _inverse(s, weight)
     for i in range(3):
         weighted[i] = weight[i, 0] * z[0] + weight[i, 1] * z[1] + weight[i, 2] * z[2]
-    for i in range(STATES):
+    for i in range(len(cov)):
         for j in range(3):
             gain[i, j] = 0.0
             for k in range(3):
                 gain[i, j] += cov[i, first + k] * weight[k, j]
             error[i] += gain[i, j] * z[j]
     across = cov[first : first + 3, :].copy()
-    for i in range(STATES):
-        for j in range(STATES):
+    for i in range(len(cov)):
+        for j in range(len(cov)):
             for k in range(3):
                 cov[i, j] -= gain[i, k] * across[k, j]
     _symmetric(cov)
@@ -456,6 +474,35 @@ def _still(row: np.ndarray, state: np.ndarray, cov: np.ndarray, score: np.ndarra
 
 
 @njit(cache=True)
+def _measured(
+    kind: int, row: np.ndarray, state: np.ndarray, z: np.ndarray, variances: np.ndarray
+) -> int:
+    """What is known at a sample: zero velocity (kind 0), no turn (1), the height (2).
+
+    Args:
+        kind: Of the measurement.
+        row: As of `rows_of`, shape (COLUMNS,).
+        state: Shape (NOMINAL,).
+        z: Filled with what was measured less what was predicted, shape (3,).
+        variances: Filled with its variances, shape (3,).
+
+    Returns:
+        Which error the first of the three is.
+    """
+    sd = row[7] if kind == 0 else row[8 + kind]
+    for i in range(3):
+        variances[i] = sd * sd
+        if kind == 0:
+            z[i] = -state[3 + i]
+        elif kind == 1:
+            z[i] = row[i] - state[10 + i]
+        else:
+            z[i] = -state[2] if i == 2 else 0.0
+            variances[i] = sd * sd if i == 2 else UNTOLD
+    return FIRST[kind]
+
+
+@njit(cache=True)
 def _forward(
     rows: np.ndarray,
     start: int,
@@ -475,29 +522,29 @@ def _forward(
         store: Filled.
     """
     states, covs, turns, gains, weights, weighted = store
+    z, variances = np.empty(3), np.empty(3)
     for k in range(min(len(states), len(rows) - start)):
         row = rows[start + k]
         if start + k > 0:
             _predicted(row, rows[start + k - 1], state, cov, turns[k])
-        gains[k, :, 0, 0] = np.nan
-        if _still(row, state, cov, score):
-            kept = gains[k, 0], weights[k, 0], weighted[k, 0]
-            _updated(state, cov, 3, -state[3:6], np.full(3, row[7] ** 2), kept)
-        if row[9] > 0.0:
-            kept = gains[k, 1], weights[k, 1], weighted[k, 1]
-            _updated(state, cov, 9, row[0:3] - state[10:13], np.full(3, row[9] ** 2), kept)
-        if row[10] > 0.0:
-            kept = gains[k, 2], weights[k, 2], weighted[k, 2]
-            z, variances = np.zeros(3), np.full(3, 1e8)
-            z[2], variances[2] = -state[2], row[10] ** 2
-            _updated(state, cov, 0, z, variances, kept)
+        still = _still(row, state, cov, score)
+        for kind in range(3):
+            gains[k, kind, 0, 0] = np.nan
+            if still if kind == 0 else row[8 + kind] > 0.0:
+                first = _measured(kind, row, state, z, variances)
+                kept = gains[k, kind], weights[k, kind], weighted[k, kind]
+                _updated(state, cov, first, z, variances, kept)
         states[k] = state
         covs[k] = cov
         if row[11] > 0.0:
-            cov[15:18, :] = cov[0:3, :].copy()
-            cov[:, 15:18] = cov[:, 0:3].copy()
+            for i in range(3):
+                cov[15 + i] = cov[i]
+            for i in range(len(cov)):
+                for j in range(3):
+                    cov[i, 15 + j] = cov[i, j]
 
 
+# One piece: the loops of a product of matrices of three rows.
 @njit(cache=True)
 def _unused(
     costate: np.ndarray,
@@ -518,17 +565,17 @@ def _unused(
     gain, weight, weighted = kept
     across, own, along = np.zeros((3, STATES)), weight.copy(), weighted.copy()
     for i in range(3):
-        for k in range(STATES):
+        for k in range(len(information)):
             along[i] += gain[k, i] * costate[k]
-            for j in range(STATES):
+            for j in range(len(information)):
                 across[i, j] += gain[k, i] * information[k, j]
     for i in range(3):
         for j in range(3):
-            for k in range(STATES):
+            for k in range(len(information)):
                 own[i, j] += across[i, k] * gain[k, j]
     for i in range(3):
         costate[first + i] -= along[i]
-        for j in range(STATES):
+        for j in range(len(information)):
             information[first + i, j] -= across[i, j]
             information[j, first + i] -= across[i, j]
     for i in range(3):
@@ -549,13 +596,13 @@ def _of_anchor(cov: np.ndarray, information: np.ndarray, out: np.ndarray) -> Non
     whole = np.empty((6, 6))
     own = (0, 1, 2, 15, 16, 17)
     for i in range(6):
-        for j in range(STATES):
-            for k in range(STATES):
+        for j in range(len(cov)):
+            for k in range(len(cov)):
                 half[i, j] += cov[own[i], k] * information[k, j]
     for i in range(6):
         for j in range(6):
             whole[i, j] = cov[own[i], own[j]]
-            for k in range(STATES):
+            for k in range(len(cov)):
                 whole[i, j] -= half[i, k] * cov[k, own[j]]
     for i in range(3):
         for j in range(3):
@@ -563,6 +610,7 @@ def _of_anchor(cov: np.ndarray, information: np.ndarray, out: np.ndarray) -> Non
             out[1, i, j] = whole[i, j] - whole[i, 3 + j] - whole[3 + i, j] + whole[3 + i, 3 + j]
 
 
+# One piece: what happens at a sample, in the reverse order of `_forward`.
 @njit(cache=True)
 def _backward(
     rows: np.ndarray,
@@ -591,33 +639,33 @@ def _backward(
     """
     states, covs, turns, gains, weights, weighted = store
     costate, information = behind
-    firsts, error = (3, 9, 0), np.empty(STATES)
+    error = np.empty(STATES)
     for k in range(min(len(states), len(rows) - start) - 1, -1, -1):
         is_anchor = rows[start + k, 11] > 0.0
         if is_anchor:
             for i in range(3):
                 costate[i] += costate[15 + i]
                 costate[15 + i] = 0.0
-                for j in range(STATES):
+                for j in range(len(error)):
                     information[i, j] += information[15 + i, j]
                     information[15 + i, j] = 0.0
             for i in range(3):
-                for j in range(STATES):
+                for j in range(len(error)):
                     information[j, i] += information[j, 15 + i]
                     information[j, 15 + i] = 0.0
-        for i in range(STATES):
+        for i in range(len(error)):
             error[i] = 0.0
-            for j in range(STATES):
+            for j in range(len(error)):
                 error[i] -= covs[k, i, j] * costate[j]
         smoothed[start + k] = states[k]
         _corrected(smoothed[start + k], error)
         if is_anchor:
             left -= 1
             _of_anchor(covs[k], information, covariances[left])
-        for kind in (2, 1, 0):
+        for kind in range(2, -1, -1):
             if not np.isnan(gains[k, kind, 0, 0]):
                 kept = gains[k, kind], weights[k, kind], weighted[k, kind]
-                _unused(costate, information, firsts[kind], kept)
+                _unused(costate, information, FIRST[kind], kept)
         if start + k > 0:
             step = rows[start + k, 6]
             _back(costate, information, turns[k], step)

@@ -206,6 +206,13 @@ def symmetry(sensors: Sequence[SensorGait]) -> list[SymmetryRow]:
             right=right[key],
             difference_percent=200 * (left[key] - right[key]) / (left[key] + right[key]),
         )
-        for key in ("stride_time_s", "swing_s", "length_m", "speed_m_s", "clearance_m", "stance_percent")
+        for key in (
+            "stride_time_s",
+            "swing_s",
+            "length_m",
+            "speed_m_s",
+            "clearance_m",
+            "stance_percent",
+        )
         if key in left and key in right and left[key] + right[key] > 0
     ]

@@ -50,11 +50,11 @@ def mounting_matrix(
     lean = float(np.arccos(np.clip(stated[2] @ up, -1, 1)))
     if lean > MOST_LEAN:
         axes = ", ".join(f"{value:+.2f}" for value in up)
-        fits = f"it looks like '{name}'" if name else "it looks like none of those that have a name"
+        fits = f"it looks like '{name}'" if name else "it looks like none that has a name"
         raise InputError(
-            f"{where}: worn '{mounting}' it would lean by {np.degrees(lean):.0f} deg on the average: "
-            f"up is ({axes}) in its axes; {fits}. Leave --mounting out to have it found; a recording "
-            "that was imported with --axes has its axes turned already"
+            f"{where}: worn '{mounting}' it would lean by {np.degrees(lean):.0f} deg on the "
+            f"average: up is ({axes}) in its axes; {fits}. Leave --mounting out to have it found; "
+            "a recording that was imported with --axes has its axes turned already"
         )
     return stated, mounting
 

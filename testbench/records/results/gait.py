@@ -42,9 +42,9 @@ class Stride:
         rise_m: How much higher the foot stands after it.
         clearance_m: How far the sensor rises above the line from stand to stand.
         turn_deg: By how much the foot turns about the vertical, anticlockwise.
-        x_m: Where it ends, counted from the start of the path.
-        y_m: Likewise.
-        z_m: Likewise.
+        x_m: Where it ends, counted from the start of the path along its heading there.
+        y_m: And to the left of its heading there.
+        z_m: And above it.
         turning: Whether it turns by more than a straight stride does.
         counted: Whether it is in the means.
         left_out: Why it is not; "" where it is.
@@ -239,7 +239,9 @@ class Gait:
             head = read_record(
                 folder / GAIT_SUMMARY, _as_written(), SCHEMA_VERSION, "run `testbench gait` again"
             )
-            walks = {name: read_parquet(folder / table_file(walk_table(name))) for name in head.walks}
+            walks = {
+                name: read_parquet(folder / table_file(walk_table(name))) for name in head.walks
+            }
         own = {entry.name: getattr(head, entry.name) for entry in fields(_GaitHead)}
         return Gait(**own, walks=walks)
 

@@ -1,8 +1,8 @@
 """A foot that walks, made of points of contact and angles; it shares nothing with the estimator.
 
 The sole lies flat while it stands, rolls over the toe until it leaves, swings, comes down on the
-heel and rolls over that. Positions and angles are smooth curves, finely sampled; a sensor's readings
-are their differences, averaged over its own interval as a low pass does.
+heel and rolls over that. Positions and angles are smooth curves, finely sampled; the readings of a
+sensor are their differences, averaged over its own interval as a low pass does.
 """
 
 from __future__ import annotations
@@ -12,6 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
+
+from testbench.estimation.filters.base import UniformSamples
+from testbench.estimation.gait.readings import REST_S, Readings
+from testbench.estimation.signals.segmentation import detect_static, intervals_of
 
 FINE = 8
 FOOT = 0.25
@@ -149,7 +153,9 @@ def _stride(walker: Walker, step: float, duration: float, stands: np.ndarray, he
     up, down = np.radians(walker.heel_up_deg), -np.radians(walker.toe_up_deg)
     # toe down is positive; fastest as the toe leaves, and at rest for an instant on coming down
     pitch = CubicHermiteSpline(
-        [0, 0.2, 0.40, 0.47, 0.80, 0.92, 1], [0, 0, 0.8 * up, up, down, 0, 0], [0, 0, 6.5 * up, 0, 0, 0, 0]
+        [0, 0.2, 0.40, 0.47, 0.80, 0.92, 1],
+        [0, 0, 0.8 * up, up, down, 0, 0],
+        [0, 0, 6.5 * up, 0, 0, 0, 0],
     )(t)
     blend = np.clip((t - 0.40) / 0.40, 0, 1)
     smooth = blend**3 * (10 - 15 * blend + 6 * blend**2)
@@ -176,3 +182,19 @@ def with_errors(
     acc = found.acc + 0.0015 * np.sqrt(rate / 2) * rng.standard_normal(found.acc.shape)
     gyr += np.radians(gyr_bias_deg_s) * rng.standard_normal(3)
     return gyr, acc + acc_bias * rng.standard_normal(3)
+
+
+def readings(found: Walked, gyr: np.ndarray, acc: np.ndarray) -> Readings:
+    """As the estimator takes them.
+
+    Args:
+        found: When they were read.
+        gyr: Shape (n, 3) [rad/s].
+        acc: Shape (n, 3) [m/s^2].
+    """
+    interval = float(np.diff(found.time).mean())
+    static = detect_static(gyr, interval)
+    rests = intervals_of(static, round(REST_S / interval))
+    bias = gyr[static].mean(axis=0) if static.any() else np.zeros(3)
+    uniform = UniformSamples(interval, gyr, acc)
+    return Readings(found.time, uniform, np.zeros(len(gyr), dtype=bool), rests, bias)
