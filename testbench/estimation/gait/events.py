@@ -23,7 +23,7 @@ TOE_UP = np.radians(6.0)
 """A heel strikes if the foot comes down with the toe this much above the heel [rad]."""
 HEEL_UP = np.radians(12.0)
 """A foot pushes off if it leaves with the heel this much above the toe [rad]."""
-LEAST_RATE = np.radians(30.0)
+LEAST_RATE = np.radians(10.0)
 """Slower turns of the foot are no event [rad/s]."""
 
 

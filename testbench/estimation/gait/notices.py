@@ -14,8 +14,9 @@ from testbench.records.findings.finding import Finding
 from testbench.records.results.gait import SensorGait
 
 LEAST_RATE_HZ = 100.0
-"""Below it the impact of the heel is seen by a sample or two: strides of the recordings at hand err
-by two to three times as much once they are thinned out so far."""
+"""Below it the impact of the heel falls into a sample or two [Hz]. Thinned out by means, straight
+strides of two feet err by 16 and 14 mm RMS at 205 Hz, 20 and 26 at 102, 29 and 38 at 51.
+"""
 LEAST_REGRESSION_HZ = 25.0
 """A swing of half a second has a dozen samples."""
 LATE_S = 3.0

@@ -74,7 +74,8 @@ def place_by_motion(readings: Readings, walked: FootWalk | None) -> Place | None
     if not len(force):
         return None
     shaken = float(np.sqrt(np.mean(np.var(force, axis=0).sum())))
-    if np.quantile(rate, 0.99) < SLOW and shaken > SHAKEN:
+    stands = walked is not None and len(walked.moves) >= LEAST_STRIDES  # a foot that shuffles
+    if not stands and np.quantile(rate, 0.99) < SLOW and shaken > SHAKEN:
         return "chest"
     return None
 

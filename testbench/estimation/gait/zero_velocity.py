@@ -32,6 +32,10 @@ THRESHOLD = 4.0
 Stride lengths of the two recordings at hand change by less than 1 mm between 1.5 and 10: how much
 each sample says is weighed by its own rate, see `foot.stance_sd`.
 """
+QUIET, QUIETEST = 10.0, 0.3
+"""A stance is what lies below so many times its own least statistic, but never below the latter
+[1]: a slow foot reads little while it still moves.
+"""
 SHORTEST_S = 0.03
 """Shorter intervals below the threshold are chance [s]."""
 JOINED_S = 0.08
@@ -79,4 +83,13 @@ def stances(test: np.ndarray, interval: float) -> np.ndarray:
     first = np.flatnonzero(np.concatenate([[True], breaks >= JOINED_S]))
     last = np.append(first[1:] - 1, len(runs) - 1)
     joined = np.column_stack([runs[first, 0], runs[last, 1]])
-    return np.asarray(joined[(joined[:, 1] - joined[:, 0]) * interval >= SHORTEST_S])
+    long = joined[(joined[:, 1] - joined[:, 0]) * interval >= SHORTEST_S]
+    return np.array([_quiet(test, begin, end) for begin, end in long], dtype=int).reshape(-1, 2)
+
+
+def _quiet(test: np.ndarray, begin: int, end: int) -> tuple[int, int]:
+    """A stance without its borders, where a foot that walks slowly still comes to rest."""
+    own = test[begin:end]
+    limit = min(max(QUIET * float(own.min()), QUIETEST), THRESHOLD)
+    rows = np.flatnonzero(own < limit)
+    return begin + int(rows[0]), begin + int(rows[-1]) + 1
