@@ -140,11 +140,16 @@ def _say(found: Gait) -> None:
             own.on or "unknown",
             own.method or "-",
             len(own.strides),
-            own.distance_m,
-            own.cadence_steps_min,
-            own.stance_percent,
-            _mean(own, "length_m"),
-            own.closure_mm,
+            *map(
+                _known,
+                (
+                    own.distance_m,
+                    own.cadence_steps_min,
+                    own.stance_percent,
+                    _mean(own, "length_m"),
+                    own.closure_mm,
+                ),
+            ),
         ]
         for own in found.sensors.values()
     ]
@@ -157,12 +162,17 @@ def _say(found: Gait) -> None:
         say_table("Left and right", ["mean of", "left", "right", "difference [%]"], rows)
     if found.checks:
         rows = [
-            [row.sensor, row.quantity, row.value, row.truth, row.error, row.error_percent]
+            [row.sensor, row.quantity, row.value, row.truth, row.error, _known(row.error_percent)]
             for row in found.checks
         ]
         columns = ["sensor", "quantity", "estimated", "true", "error", "error [%]"]
         say_table("Against what was typed", columns, rows)
     say_findings(found.all_findings())
+
+
+def _known(value: float) -> float | None:
+    """A number for a table; None where it is not known."""
+    return None if value != value else value
 
 
 def _mean(own: SensorGait, quantity: str) -> float:

@@ -65,6 +65,10 @@ def judge_walk(found: Gait, truth: WalkTruth) -> Gait:
         if not own.strides:
             continue
         checks += _of_sensor(own, truth)
+        if truth.corners_m:
+            turned, on_path = _of_path(own, np.array(truth.corners_m, dtype=float))
+            own = sensors[name] = replace(own, path_heading_deg=turned)
+            checks += on_path
         if truth.distance_m is not None and own.method == "regression":
             fits = _fitting_intercept(own, truth.distance_m)
             sensors[name] = replace(own, findings=[*own.findings, fits])
@@ -77,8 +81,6 @@ def _of_sensor(own: SensorGait, truth: WalkTruth) -> list[GaitCheck]:
         checks.append(_check(own.sensor, "cycles", len(own.strides), truth.cycles))
     if truth.distance_m is not None:
         checks.append(_check(own.sensor, "distance_m", own.distance_m, truth.distance_m))
-    if truth.corners_m:
-        checks += _of_path(own, np.array(truth.corners_m, dtype=float))
     return checks
 
 
@@ -94,10 +96,13 @@ def _check(sensor: str, quantity: str, value: float, truth: float) -> GaitCheck:
     )
 
 
-def _of_path(own: SensorGait, corners: np.ndarray) -> list[GaitCheck]:
+def _of_path(own: SensorGait, corners: np.ndarray) -> tuple[float, list[GaitCheck]]:
     """Length, end and greatest distance from the path, turned about its start to fit it best.
 
     The heading at the start is not known to any sensor; it is the one thing that is fitted.
+
+    Returns:
+        By how much it was turned [deg], and the checks.
     """
     path = np.array([[0.0, 0.0], *([s.x_m, s.y_m] for s in own.strides)])
     goal = corners - corners[0]
@@ -110,7 +115,7 @@ def _of_path(own: SensorGait, corners: np.ndarray) -> list[GaitCheck]:
     end = float(np.linalg.norm(placed[-1] - goal[-1]))
     farthest = float(distances_from(placed, goal).max())
     nothing = {"truth": 0.0, "error_percent": float("nan")}
-    return [
+    return float(np.degrees(best)), [
         _check(own.sensor, "path_length_m", own.distance_m, length),
         GaitCheck(sensor=own.sensor, quantity="end_off_m", value=end, error=end, **nothing),
         GaitCheck(

@@ -19,7 +19,7 @@ from testbench.records.session.session import Session
 from testbench.records.specs.protocol import Analysis, Estimation
 from tests.command_line import command
 from tests.conftest import FakeClock
-from tests.estimation.gait.walker import loop, walked, with_errors
+from tests.estimation.gait.walker import loop, swinging, walked, with_errors
 
 FEET = """
 description: two feet
@@ -63,13 +63,18 @@ def simulated(tmp_path_factory) -> Session:
     """A loop by a sensor whose name says nothing."""
     true = walked(loop(8, rate=100.0, rests=(2.0, 2.0)))
     gyr, acc = with_errors(true)
-    stamps = np.round((true.time - true.time[0]) * NANOSECONDS).astype(np.int64)
-    fine, count = np.zeros(len(gyr), dtype=bool), np.arange(len(gyr))
-    samples = ImuSamples(stamps, stamps, gyr, acc, None, None, count, fine)
-    sensor = ImportedSensor([samples], 100.0, "made up", None, {})
-    folder = tmp_path_factory.mktemp("walk")
+    return session_of(tmp_path_factory.mktemp("walk"), "imu", 100.0, gyr, acc, None)
+
+
+def session_of(
+    folder: Path, name: str, rate: float, gyr: np.ndarray, acc: np.ndarray, q: np.ndarray | None
+) -> Session:
+    stamps = np.round(np.arange(len(acc)) / rate * NANOSECONDS).astype(np.int64)
+    fine, count = np.zeros(len(acc), dtype=bool), np.arange(len(acc))
+    samples = ImuSamples(stamps, stamps, gyr, acc, None, q, count, fine)
+    sensor = ImportedSensor([samples], rate, "made up", None, {})
     analysis = Analysis(estimate=Estimation(filters=["vqf_6d"], align="none", calibrate="none"))
-    recording = Recording("walk", "walk", {"imu": sensor}, analysis)
+    recording = Recording("walk", "walk", {name: sensor}, analysis)
     return write_recording(recording, [folder / "a.csv"], "made up", folder / "s", FakeClock())
 
 
@@ -171,6 +176,19 @@ def test_a_sensor_goes_by_the_regression_where_its_parameters_are_named(simulate
     own = result["sensors"]["imu"]
     assert (own["method"], own["parameters"]) == ("regression", "ngimu_instep")
     assert {row["code"] for row in own["findings"]} >= {"gait.regression", "gait.mounting"}
+
+
+def test_a_shank_without_rates_goes_by_the_devices_orientation(tmp_path) -> None:
+    _, samples = swinging()
+    acc = samples.acc + 0.01 * np.random.default_rng(0).standard_normal(samples.acc.shape)
+    rates = np.full_like(acc, np.nan)
+    session = session_of(tmp_path, "l_shank", 100.0, rates, acc, samples.device_q)
+    own = gait(session).sensors["l_shank"]
+    assert (own.on, own.known_by, own.side) == ("shank", "name", "left")
+    assert (own.parameters, own.filter, own.mounting) == ("universal", "euler_ekf", "level")
+    assert len(own.strides) == 12
+    assert own.distance_m == pytest.approx(12 * (0.0294 * 40 + 0.232), rel=0.02)
+    assert "gait.derived" in {found.code for found in own.findings}
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,8 @@ LEAST_REGRESSION_HZ = 25.0
 """A swing of half a second has a dozen samples."""
 LATE_S = 3.0
 """The way begins with the first stand; what lies before is missed if it is longer."""
+MOST_DOUBTFUL = 0.3
+"""Of the strides of a walk no more have a hole or no stand [1]."""
 MOST_SCALE = 0.02
 """Gravity of a standing foot is standard gravity to this part [1]."""
 
@@ -34,6 +36,8 @@ def notices_on_foot(own: SensorGait, readings: Readings, walked: FootWalk) -> li
         walked: What was reckoned from them.
     """
     name, found = own.sensor, []
+    if readings.derived:
+        found.append(finding("gait.derived", name))
     if not len(readings.rests):
         found.append(finding("gait.no_rest", name))
     if own.floor == "level":
@@ -69,6 +73,8 @@ def notices_on_regression(own: SensorGait, readings: Readings, mounting: str) ->
         mounting: As asked for.
     """
     found = [finding("gait.regression", own.sensor, parameters=own.parameters)]
+    if readings.derived:
+        found.append(finding("gait.derived", own.sensor))
     if mounting == FOUND:
         found.append(finding("gait.mounting", own.sensor, mounting=own.mounting))
     if not len(readings.rests):
@@ -91,7 +97,10 @@ def _low_rate(name: str, readings: Readings, least: float) -> list[Finding]:
 def _left_out(own: SensorGait) -> list[Finding]:
     """Strides that are in no mean, by why; turns and first steps are usual and only noted."""
     reasons = [stride.left_out for stride in own.strides if stride.left_out]
+    doubtful = sum(why not in USUAL for why in reasons)
     found = []
+    if doubtful > MOST_DOUBTFUL * len(own.strides):
+        found.append(finding("gait.doubtful", own.sensor, count=doubtful, of=len(own.strides)))
     for why in dict.fromkeys(reasons):
         code = "gait.usual" if why in USUAL else "gait.left_out"
         found.append(finding(code, own.sensor, count=reasons.count(why), why=why))

@@ -12,6 +12,7 @@ from testbench.estimation.signals.doubtful import CLIPPED, SATURATED
 from testbench.estimation.signals.recording import SensorRecording
 from testbench.estimation.signals.segmentation import detect_static, intervals_of
 from testbench.frames import NANOSECONDS
+from testbench.model import rotation
 from testbench.records.results.estimate import ClockFit
 
 REST_S = 1.0
@@ -30,6 +31,7 @@ class Readings:
         clipped: Whether a triad was at full scale, shape (n,), bool.
         rests: Still intervals of at least `REST_S`, begin and end (exclusive), shape (k, 2).
         bias: Of the gyroscope, by the rests, else by its steadiest moments, shape (3,) [rad/s].
+        derived: Whether the rates are those of the device's own orientation.
     """
 
     time: np.ndarray
@@ -37,6 +39,7 @@ class Readings:
     clipped: np.ndarray
     rests: np.ndarray
     bias: np.ndarray
+    derived: bool = False
 
     @property
     def interval(self) -> float:
@@ -67,6 +70,9 @@ def readings_of(recording: SensorRecording) -> Readings:
     """
     access = WholeRecording(recording.raw, recording.belief)
     uniform, rows = access.regular(ClockFit())
+    derived = not uniform.has("gyr") and uniform.has("device_q")
+    if derived:
+        uniform = replace(uniform, gyr=_derived(uniform))
     grid = np.arange(len(uniform))
     time = np.interp(grid, rows, access.samples.host_time_ns / NANOSECONDS)
     static = detect_static(uniform.gyr, uniform.interval, rows)
@@ -80,7 +86,15 @@ def readings_of(recording: SensorRecording) -> Readings:
     for begin, end in intervals_of(~known, max(round(HOLE_S / uniform.interval), 1)):
         uniform.acc[begin:end] = np.nan
     rests = intervals_of(static, max(round(REST_S / uniform.interval), 1))
-    return Readings(time, _finite(uniform), clipped, rests, _bias(uniform, static, rests))
+    return Readings(time, _finite(uniform), clipped, rests, _bias(uniform, static, rests), derived)
+
+
+def _derived(uniform: UniformSamples) -> np.ndarray:
+    """Rates of the device's own orientation, each over the interval before it, shape (n, 3)."""
+    q = uniform.device_q
+    assert q is not None
+    turns = rotation.to_rotation_vector(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))
+    return np.vstack([np.zeros((1, 3)), turns / uniform.steps()[1:, None]])
 
 
 def _finite(uniform: UniformSamples) -> UniformSamples:

@@ -12,6 +12,7 @@ from testbench.estimation.gait.foot import LONGEST_SWING_S, FootWalk, Move, is_t
 from testbench.estimation.gait.heel import heel_in_sensor
 from testbench.estimation.gait.readings import Readings
 from testbench.estimation.gait.walk import Walk
+from testbench.estimation.gait.zero_velocity import THRESHOLD
 from testbench.model import rotation
 from testbench.records.results.gait import GaitRow, SensorGait, Stride, SymmetryRow
 
@@ -64,8 +65,15 @@ def foot_strides(readings: Readings, walked: FootWalk) -> list[Stride]:
 
 
 def _from_or_to_standing(readings: Readings, walked: FootWalk, i: int) -> bool:
-    """Whether the stand before a move, or the one after it, is none of a walk."""
+    """Whether the stand before a move, or the one after it, is none of a walk.
+
+    One that the recording begins or ends in may have lasted for any time.
+    """
     moves, rows = walked.moves, len(readings.time)
+    if i == 0 and walked.first == 0:
+        return True
+    if i + 1 == len(moves) and walked.test[-1] < THRESHOLD:
+        return True
     came = moves[i - 1].arrives if i else walked.first
     goes = moves[i + 1].leaves if i + 1 < len(moves) else rows - 1
     longest = max(moves[i].leaves - came, goes - moves[i].arrives)

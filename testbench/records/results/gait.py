@@ -116,6 +116,7 @@ class SensorGait:
         closure_horizontal_mm: Likewise on the ground.
         closure_sd_mm: Standard uncertainty of the end against the start, the root of the sum of the
             variances of x, y and z.
+        path_heading_deg: By how much its path was turned to fit the corners that were typed.
         innovation: Mean normalised innovation squared of the zero velocities [1].
         findings: What was noticed.
     """
@@ -137,6 +138,7 @@ class SensorGait:
     closure_mm: Number = NAN
     closure_horizontal_mm: Number = NAN
     closure_sd_mm: Number = NAN
+    path_heading_deg: Number = NAN
     innovation: Number = NAN
     findings: list[Finding] = field(default_factory=list)
 

@@ -174,17 +174,19 @@ def _path(found: Gait, walked: list[SensorGait], colours: dict[str, str]) -> Fig
     curves = []
     if found.corners_m:
         start = found.corners_m[0]
-        places = tuple([corner[i] - start[i] for corner in found.corners_m] for i in (0, 1))
-        curves.append(Curve("as walked", *places, REFERENCE, dashed=True, mode="lines"))
+        x, y = ([corner[i] - start[i] for corner in found.corners_m] for i in (0, 1))
+        curves.append(Curve("as walked", x, y, REFERENCE, dashed=True, mode="lines"))
     for own in walked:
-        x = [0.0, *(stride.x_m for stride in own.strides)]
-        y = [0.0, *(stride.y_m for stride in own.strides)]
+        turned = 0.0 if np.isnan(own.path_heading_deg) else np.radians(own.path_heading_deg)
+        c, s = float(np.cos(turned)), float(np.sin(turned))
+        x = [0.0, *(c * stride.x_m - s * stride.y_m for stride in own.strides)]
+        y = [0.0, *(s * stride.x_m + c * stride.y_m for stride in own.strides)]
         curves.append(Curve(own.sensor, x, y, colours[own.sensor]))
     return Figures(
         "The path from above",
         {"the path from above": error_curves(curves, "x [m]", "y [m]", plane=True)},
         "How to read: a point where the foot stands after each stride, both axes to one scale, "
-        "each path counted from its own start and heading there.",
+        "each path counted from its own start, along its heading there unless corners were typed.",
     )
 
 
@@ -196,7 +198,7 @@ def _events(found: Gait, own: SensorGait, colour: str) -> Figures:
     names = [name for name in SIGNALS if name in walk]
     panels = {SIGNALS[name]: {own.sensor: envelope(walk[name][rows])} for name in names}
     figure = time_panels(envelope.time, panels, {own.sensor: colour})
-    shown = [s for s in own.strides if begin <= s.begin_s <= begin + SHOWN_S]
+    shown = [s for s in own.strides if begin <= s.begin_s and s.ic_s <= begin + SHOWN_S]
     if own.method == "strapdown":
         signal = walk["time_s"], walk[names[0]]
         figure["data"] += [

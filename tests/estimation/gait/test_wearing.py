@@ -12,21 +12,7 @@ from testbench.estimation.gait.parameters import MOUNTINGS
 from testbench.estimation.gait.wearing import FOUND, levelled, mounting_matrix
 from testbench.exceptions import InputError
 from testbench.model import rotation
-
-RATE = 100.0
-
-
-def swinging(cycles: int = 12, turn_deg: float = 90.0) -> tuple[np.ndarray, UniformSamples]:
-    """A shank that swings, and turns half-way: pitch, and what a level sensor reads."""
-    t = np.arange(-3.0, cycles + 2.0, 1 / RATE)
-    during = (t >= 0) & (t < cycles)
-    pitch = np.where(during, np.radians(20.0) * np.sin(2 * np.pi * t), 0.0)
-    yaw = np.radians(turn_deg) / (1 + np.exp(-6 * (t - cycles / 2)))
-    q = rotation.from_euler("ZYX", np.column_stack([yaw, pitch, 0 * t]))
-    turns = rotation.multiply(rotation.conjugate(q[:-1]), q[1:])
-    gyr = np.vstack([np.zeros((1, 3)), rotation.to_rotation_vector(turns) * RATE])
-    acc = rotation.rotate(rotation.conjugate(q), np.tile([0, 0, 9.80665], (len(t), 1)))
-    return pitch, UniformSamples(1 / RATE, gyr, acc)
+from tests.estimation.gait.walker import SWING_HZ, swinging
 
 
 @pytest.mark.parametrize("filter_name", ["euler_ekf", "euler_ekf_as_printed", "vqf_6d"])
@@ -39,7 +25,7 @@ def test_worn_in_any_way_an_euler_filter_gives_the_same_walk(mounting, filter_na
     worn = UniformSamples(level.interval, level.gyr @ axes, level.acc @ axes)
     R, _ = mounting_matrix(mounting, worn.gyr, worn.acc)
     q = choose_filters([filter_name])[0].run(levelled(worn, R))
-    time = np.round(np.arange(len(q)) / RATE * 1e9).astype(np.int64)
+    time = np.round(np.arange(len(q)) / SWING_HZ * 1e9).astype(np.int64)
     found = walk(time, q, PUBLISHED["universal"])
     assert len(found.cycles) == 12
     assert found.distance == pytest.approx(12 * (0.0294 * 40 + 0.232), rel=0.02)

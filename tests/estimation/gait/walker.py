@@ -16,8 +16,10 @@ from scipy.spatial.transform import Rotation
 from testbench.estimation.filters.base import UniformSamples
 from testbench.estimation.gait.readings import REST_S, Readings
 from testbench.estimation.signals.segmentation import detect_static, intervals_of
+from testbench.model import rotation
 
 FINE = 8
+SWING_HZ = 100.0
 FOOT = 0.25
 GRAVITY = np.array([0.0, 0.0, 9.80665])
 
@@ -198,3 +200,16 @@ def readings(found: Walked, gyr: np.ndarray, acc: np.ndarray) -> Readings:
     bias = gyr[static].mean(axis=0) if static.any() else np.zeros(3)
     uniform = UniformSamples(interval, gyr, acc)
     return Readings(found.time, uniform, np.zeros(len(gyr), dtype=bool), rests, bias)
+
+
+def swinging(cycles: int = 12, turn_deg: float = 90.0) -> tuple[np.ndarray, UniformSamples]:
+    """A shank that swings, and turns half-way: pitch, and what a level sensor reads."""
+    t = np.arange(-3.0, cycles + 2.0, 1 / SWING_HZ)
+    during = (t >= 0) & (t < cycles)
+    pitch = np.where(during, np.radians(20.0) * np.sin(2 * np.pi * t), 0.0)
+    yaw = np.radians(turn_deg) / (1 + np.exp(-6 * (t - cycles / 2)))
+    q = rotation.from_euler("ZYX", np.column_stack([yaw, pitch, 0 * t]))
+    turns = rotation.multiply(rotation.conjugate(q[:-1]), q[1:])
+    gyr = np.vstack([np.zeros((1, 3)), rotation.to_rotation_vector(turns) * SWING_HZ])
+    acc = rotation.rotate(rotation.conjugate(q), np.tile([0, 0, 9.80665], (len(t), 1)))
+    return pitch, UniformSamples(1 / SWING_HZ, gyr, acc, device_q=q)

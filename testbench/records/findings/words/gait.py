@@ -81,6 +81,18 @@ TEMPLATES = {
         "{count} strides are in no mean: {why}",
         "their lengths and the path across them are doubtful",
     ),
+    "gait.doubtful": Template(
+        WARNING,
+        "{count} of {of} strides are doubtful",
+        "it is hardly a walk by a sensor on a foot",
+        "if it sits elsewhere, say where with --on SENSOR=shank, wrist or chest",
+    ),
+    "gait.derived": Template(
+        NOTE,
+        "it has no angular rates",
+        "those of the device's own orientation are taken, with whatever its filter did to them",
+        "record angular rates and accelerations too",
+    ),
     "gait.regression": Template(
         NOTE,
         "lengths are by the published regression '{parameters}'",
