@@ -2,8 +2,8 @@
 
     from testbench import plan, execute, estimate, evaluate
 
-The four stages, `RunOptions` of a run, and `Session` to open a recording; each is loaded when it is
-first used.
+The four stages, `gait` of a walk beside them with its `GaitSettings`, `RunOptions` of a run, and
+`Session` to open a recording; each is loaded when it is first used.
 """
 
 from __future__ import annotations
@@ -15,13 +15,24 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from testbench.estimation import estimate
+    from testbench.estimation.gait import GaitSettings, gait
     from testbench.evaluation import evaluate
     from testbench.execution import RunOptions, execute
     from testbench.planning import plan
     from testbench.records.session.session import Session
     from testbench.reporting.report import report
 
-__all__ = ["RunOptions", "Session", "estimate", "evaluate", "execute", "plan", "report"]
+__all__ = [
+    "GaitSettings",
+    "RunOptions",
+    "Session",
+    "estimate",
+    "evaluate",
+    "execute",
+    "gait",
+    "plan",
+    "report",
+]
 
 _HOMES = {
     "plan": "testbench.planning",
@@ -29,6 +40,8 @@ _HOMES = {
     "RunOptions": "testbench.execution",
     "estimate": "testbench.estimation",
     "evaluate": "testbench.evaluation",
+    "gait": "testbench.estimation.gait",
+    "GaitSettings": "testbench.estimation.gait",
     "report": "testbench.reporting.report",
     "Session": "testbench.records.session.session",
 }

@@ -13,6 +13,7 @@ from testbench.cli.designing import design
 from testbench.cli.emulating import emulate
 from testbench.cli.exporting import export
 from testbench.cli.filtering import filters
+from testbench.cli.gait import gait
 from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
 from testbench.cli.options import (
@@ -153,6 +154,7 @@ app.command()(record)
 
 app.command("import")(import_files)
 app.command()(export)
+app.command()(gait)
 app.command()(noise)
 app.command()(calibrate)
 app.command()(calibrations)

@@ -223,6 +223,36 @@ class NoiseRequest(Asked):
     )
 
 
+class GaitRequest(Asked):
+    """How a walk is reckoned, and what is known of it."""
+
+    on: tuple[str, ...] = Field(
+        default=(),
+        description="Where sensors sit, each `[SENSOR=]PLACE`: foot, shank, wrist or chest; found "
+        "where nothing is said.",
+    )
+    mounting: tuple[str, ...] = Field(
+        default=(),
+        description="How sensors of the regression are worn, each `[SENSOR=]MOUNTING`: level, "
+        "frontal, lateral or found.",
+    )
+    parameters: str = Field(
+        default="",
+        description="Published ones of the regression, by name; a sensor on a foot goes by it, "
+        "too, where some are named. By place if empty.",
+    )
+    filter: str = Field(default="euler_ekf", description="Whose orientation the regression takes.")
+    floor: Literal["found", "level", "any"] = Field(
+        default="found", description="Whether all stands of a foot are equally high."
+    )
+    cycles: int | None = Field(default=None, description="Strides of one leg, as counted.")
+    distance_m: float | None = Field(default=None, description="Length of the way, as measured.")
+    corners_m: tuple[tuple[float, float], ...] = Field(
+        default=(), description="Corners of the path, from its start to its end, x and y each."
+    )
+    report: bool = Field(default=True, description="Whether to write report.html anew.")
+
+
 class TuneRequest(Asked):
     """Which parameters of a filter are looked for, on which sessions, and how hard."""
 

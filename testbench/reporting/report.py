@@ -10,6 +10,7 @@ from testbench.frames import NANOSECONDS
 from testbench.records.disk.replacing import stored, write_text
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation, Outcome
+from testbench.records.results.gait import Gait
 from testbench.records.session.earlier_steps import earlier_steps
 from testbench.records.session.layout import EVALUATION_SUMMARY, REPORT
 from testbench.records.session.session import Session
@@ -22,6 +23,7 @@ from testbench.reporting.page.render import render_page
 from testbench.reporting.sections.axes import axes_section
 from testbench.reporting.sections.chain import chain_section
 from testbench.reporting.sections.fit import fit_section
+from testbench.reporting.sections.gait import gait_section, gait_tiles
 from testbench.reporting.sections.joint import joint_section
 from testbench.reporting.sections.joint_curves import curve_blocks
 from testbench.reporting.sections.motion import (
@@ -71,7 +73,7 @@ def report(
     estimate = estimate or load_estimate(session)
     evaluation = evaluation or load_evaluation(session)
     path = session.path / REPORT
-    page = render(session, estimate, evaluation)
+    page = render(session, estimate, evaluation, load_gait(session))
     with stored(path):
         write_text(path, page)
     return path
@@ -87,9 +89,24 @@ def load_evaluation(session: Session) -> Evaluation | None:
     return Evaluation.load(session.path) if (session.path / EVALUATION_SUMMARY).is_file() else None
 
 
-def render(session: Session, estimate: Estimate | None, evaluation: Evaluation | None) -> str:
+def load_gait(session: Session) -> Gait | None:
+    """The gait in the session's folder, or None; one of another recording is none."""
+    if not Gait.lies_in(session.path):
+        return None
+    found = Gait.load(session.path)
+    return found if found.fingerprint == session.fingerprint else None
+
+
+def render(
+    session: Session,
+    estimate: Estimate | None,
+    evaluation: Evaluation | None,
+    gait: Gait | None = None,
+) -> str:
     """The report as HTML."""
     sections = _sections(session, estimate, evaluation)
+    if gait is not None:
+        sections.insert(2, gait_section(gait))
     protocol, earlier = session.manifest.protocol, earlier_steps(session)
     return render_page(
         Page(
@@ -103,10 +120,14 @@ def render(session: Session, estimate: Estimate | None, evaluation: Evaluation |
             else "",
             partial="" if earlier is None else f"This session {earlier.sentence}.",
             facts=facts(session),
-            tiles=result_tiles(
-                evaluation, {name: joint.label for name, joint in session.analysis.joints.items()}
-            )
-            + ([] if evaluation is None else motion_tiles(evaluation)),
+            tiles=[
+                *result_tiles(
+                    evaluation,
+                    {name: joint.label for name, joint in session.analysis.joints.items()},
+                ),
+                *([] if evaluation is None else motion_tiles(evaluation)),
+                *gait_tiles(gait),
+            ],
             sections=sections,
         )
     )

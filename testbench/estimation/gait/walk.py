@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.estimation.gait.cycles import Cycles, find_cycles
-from testbench.estimation.gait.parameters import MOUNTINGS, PedestrianParameters
+from testbench.estimation.gait.parameters import PedestrianParameters
 from testbench.model import rotation
 from testbench.model.heading import yaw
 
@@ -44,7 +44,7 @@ class Walk:
 
 def walk(
     time_ns: np.ndarray,
-    q_world_from_sensor: np.ndarray,
+    q_world_from_level: np.ndarray,
     parameters: PedestrianParameters,
     heading: float = 0.0,
 ) -> Walk:
@@ -52,14 +52,15 @@ def walk(
 
     Args:
         time_ns: Increasing, shape (n,) [ns].
-        q_world_from_sensor: Shape (n, 4); rows that are not finite are passed over.
+        q_world_from_level: Of the level frame, into which the readings were turned before they were
+            filtered (`wearing.levelled`), shape (n, 4); rows that are not finite are passed over.
         parameters: See `PUBLISHED`.
         heading: At the start [rad].
 
     Returns:
         The walk. Its steps are the leg's; a person makes two for each.
     """
-    step, orientation = gait_signals(q_world_from_sensor, parameters)
+    step, orientation = gait_signals(q_world_from_level)
     cycles = find_cycles(time_ns, step, parameters)
     # eq. 2.28
     lengths = np.array(
@@ -74,26 +75,19 @@ def walk(
     return Walk(cycles, lengths, headings, np.vstack([np.zeros((1, 2)), np.cumsum(moves, axis=0)]))
 
 
-def gait_signals(
-    q_world_from_sensor: np.ndarray, parameters: PedestrianParameters
-) -> tuple[np.ndarray, np.ndarray]:
+def gait_signals(q_world_from_level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Step signal (pitch) and orientation signal (yaw) of the level frame, intrinsic ZYX.
 
     Args:
-        q_world_from_sensor: Shape (n, 4); rows that are not finite give NaN.
-        parameters: With how the sensor is worn.
+        q_world_from_level: Shape (n, 4); rows that are not finite give NaN.
 
     Returns:
         Both signals, without jumps, shape (n,) [rad] each.
     """
-    q_level_from_sensor = rotation.from_matrix(
-        np.array(MOUNTINGS[parameters.mounting], dtype=float)
-    )
-    q = np.asarray(q_world_from_sensor, float)
+    q = np.asarray(q_world_from_level, float)
     known = np.isfinite(q).all(axis=1)
     step = np.full(len(q), np.nan)
-    level = rotation.multiply(q[known], rotation.conjugate(q_level_from_sensor))
-    step[known] = rotation.to_euler("ZYX", level)[:, 1]
+    step[known] = rotation.to_euler("ZYX", q[known])[:, 1]
     orientation = np.full(len(q), np.nan)
-    orientation[known] = yaw(level)
+    orientation[known] = yaw(q[known])
     return step, orientation

@@ -15,6 +15,7 @@ from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series
 from testbench.model.true_segment import true_segment
 from testbench.records.results.estimate import Estimate
+from testbench.records.results.gait import Gait
 from testbench.records.session.samples import ArmSamples, ImuSamples, Truth
 from testbench.records.session.session import Session
 from testbench.records.specs.joint_definition import FlexionAngle
@@ -69,6 +70,14 @@ class ExportSource:
     def arm(self) -> ArmSamples | None:
         """What the arm reported."""
         return self.session.arm()
+
+    @cached_property
+    def gait(self) -> Gait | None:
+        """The gait that the session keeps of this very recording."""
+        if not Gait.lies_in(self.session.path):
+            return None
+        found = Gait.load(self.session.path)
+        return found if found.fingerprint == self.session.fingerprint else None
 
     @property
     def sensor_names(self) -> list[str]:

@@ -16,6 +16,8 @@ from testbench.formats.exporters.source import TRUTH, ExportSource, software, tr
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_angle import flexion_of
 from testbench.records.results.estimate import angle_sd_columns
+from testbench.records.results.gait import STRIDE_COLUMNS, Stride
+from testbench.records.session.layout import walk_table
 from testbench.records.session.samples import QUATERNION, names, split
 
 Table = dict[str, np.ndarray]
@@ -26,6 +28,8 @@ UNITS = {
     "_uT": "uT",
     "_rad": "rad",
     "_deg": "deg",
+    "_deg_s": "deg/s",
+    "_m": "m",
     "_ns": "ns",
     "_s": "s",
 }
@@ -40,13 +44,20 @@ def unit_of(column: str) -> str:
 
 
 def all_tables(source: ExportSource) -> dict[str, Table]:
-    """Every table of a session by name: imu_<sensor>, truth_<sensor>, joint_<joint>, arm, steps."""
+    """Every table of a session by name: imu_<sensor>, truth_<sensor>, joint_<joint>,
+    strides_<sensor>, walk_<sensor>, arm, steps.
+    """
     result = {f"imu_{name}": sensor_table(source, name) for name in source.sensor_names}
     for name, truth in source.truths.items():
         if truth is not None:
             result[f"truth_{name}"] = timed(truth.host_time_ns) | truth.to_columns()
     for name in source.estimate.joints:
         result[f"joint_{name}"] = joint_table(source, name)
+    if source.gait is not None:
+        for name, own in source.gait.sensors.items():
+            if own.strides:
+                result[f"strides_{name}"] = stride_table(own.strides)
+        result |= {walk_table(name): columns for name, columns in source.gait.walks.items()}
     if source.arm is not None:
         result["arm"] = timed(source.arm.host_time_ns) | source.arm.to_columns()
     if source.session.steps:
@@ -102,6 +113,17 @@ def joint_table(source: ExportSource, name: str) -> Table:
         if sequence in definitions:
             result[f"{key}_{sequence}_flexion_rad"] = flexion_of(definitions[sequence], angles)
     return result
+
+
+def stride_table(strides: list[Stride]) -> Table:
+    """The strides of a walk, a row each."""
+    return {
+        key: np.array(
+            [getattr(stride, key) for stride in strides],
+            dtype=object if key == "left_out" else None,
+        )
+        for key in STRIDE_COLUMNS
+    }
 
 
 def step_table(source: ExportSource) -> Table:

@@ -17,12 +17,14 @@ ESTIMATE, ESTIMATE_SUMMARY = "estimate", "estimate.json"
 """A folder of tables, with the summary in it."""
 EVALUATION, EVALUATION_SUMMARY = "evaluation", "evaluation.json"
 """A folder of tables, with the summary beside it."""
+GAIT, GAIT_SUMMARY = "gait", "gait.json"
+"""A folder of tables, with the summary in it; it follows from the samples alone."""
 REPORT, RECORDING, EXPORT = "report.html", "session.rrd", "export"
 OF_AN_ESTIMATE = (EVALUATION_SUMMARY, REPORT, EVALUATION)
 """What follows from an estimate, in the order in which it is removed: nothing reads the folder
 without its summary.
 """
-DERIVED = (ESTIMATE, *OF_AN_ESTIMATE)
+DERIVED = (ESTIMATE, GAIT, *OF_AN_ESTIMATE)
 """What may be deleted and made again."""
 CYCLES = "cycles"
 """The table of the average cycles, in the folder of the evaluation."""
@@ -80,6 +82,11 @@ def euler_table(sensor: str) -> str:
 def motion_table(joint: str) -> str:
     """The table of a joint's angles that nobody judges."""
     return f"motion_{joint}"
+
+
+def walk_table(sensor: str) -> str:
+    """The table of where a sensor went."""
+    return f"walk_{sensor}"
 
 
 def table_file(name: str) -> str:

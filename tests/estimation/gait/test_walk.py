@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from testbench.estimation.gait import PUBLISHED, PedestrianParameters, walk
-from testbench.estimation.gait.parameters import MOUNTINGS
 from testbench.model import rotation
 from testbench.records.specs.published import load_published_tables
 
@@ -61,16 +60,6 @@ def test_a_heading_beyond_half_a_turn_does_not_jump():
     spin = rotation.from_heading(np.linspace(0, 4 * np.pi, len(q)))
     headings = walk(time, rotation.multiply(spin, q), PARAMETERS).headings
     assert (np.diff(headings) > 0).all() and np.ptp(headings) > 3 * np.pi
-
-
-@pytest.mark.parametrize("mounting", list(MOUNTINGS))
-def test_a_sensor_worn_otherwise_says_the_same_once_its_mounting_is_named(mounting):
-    time, q_level = swinging(8, 60, 3)
-    axes = np.array(MOUNTINGS[mounting], dtype=float)
-    assert np.linalg.det(axes) == pytest.approx(1)
-    q_sensor = rotation.multiply(q_level, rotation.from_matrix(axes))
-    found = walk(time, q_sensor, PedestrianParameters(mounting=mounting))
-    np.testing.assert_allclose(found.end, walk(time, q_level, PARAMETERS).end, atol=1e-9)
 
 
 def test_without_cycles_there_is_no_way():

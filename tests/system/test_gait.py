@@ -1,0 +1,206 @@
+"""`testbench gait` on recordings of people who walked, and on a simulated one."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbench import gait
+from testbench.formats.recording import ImportedSensor, Recording, write_recording
+from testbench.frames import NANOSECONDS
+from testbench.records.disk.json_file import json_text
+from testbench.records.results.gait import Gait
+from testbench.records.session.samples import ImuSamples
+from testbench.records.session.session import Session
+from testbench.records.specs.protocol import Analysis, Estimation
+from tests.command_line import command
+from tests.conftest import FakeClock
+from tests.estimation.gait.walker import loop, swinging, walked, with_errors
+
+FEET = """
+description: two feet
+rate_hz: 204.8
+text: {lines_below_header: 1}
+sensors:
+  left:
+    acc: {columns: [2, 4, 6], unit: m/s^2}
+    gyr: {columns: [8, 10, 12], unit: deg/s}
+  right:
+    acc: {columns: [3, 5, 7], unit: m/s^2}
+    gyr: {columns: [9, 11, 13], unit: deg/s}
+"""
+
+
+def told(capsys, *arguments: object) -> dict:
+    capsys.readouterr()
+    assert command(*arguments) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.fixture(scope="module")
+def feet(data, tmp_path_factory) -> Session:
+    """Two feet of a healthy walker, twice 20 m."""
+    folder = tmp_path_factory.mktemp("feet")
+    mapping = folder / "feet.yaml"
+    mapping.write_text(FEET)
+    file = data / "gaitmap" / "imu_sample.csv"
+    words = ["import", "generic", file, "--mapping", mapping, "--out", folder / "session"]
+    assert command(*words) == 0
+    return Session(folder / "session")
+
+
+@pytest.fixture(scope="module")
+def found(feet) -> Gait:
+    return gait(feet)
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory) -> Session:
+    """A loop by a sensor whose name says nothing."""
+    true = walked(loop(8, rate=100.0, rests=(2.0, 2.0)))
+    gyr, acc = with_errors(true)
+    return session_of(tmp_path_factory.mktemp("walk"), "imu", 100.0, gyr, acc, None)
+
+
+def session_of(
+    folder: Path, name: str, rate: float, gyr: np.ndarray, acc: np.ndarray, q: np.ndarray | None
+) -> Session:
+    stamps = np.round(np.arange(len(acc)) / rate * NANOSECONDS).astype(np.int64)
+    fine, count = np.zeros(len(acc), dtype=bool), np.arange(len(acc))
+    samples = ImuSamples(stamps, stamps, gyr, acc, None, q, count, fine)
+    sensor = ImportedSensor([samples], rate, "made up", None, {})
+    analysis = Analysis(estimate=Estimation(filters=["vqf_6d"], align="none", calibrate="none"))
+    recording = Recording("walk", "walk", {name: sensor}, analysis)
+    return write_recording(recording, [folder / "a.csv"], "made up", folder / "s", FakeClock())
+
+
+def listed(data: Path, foot: str) -> np.ndarray:
+    """Start, end, initial and terminal contact by the markers, in samples, shape (k, 4)."""
+    with (data / "gaitmap" / "stride_events_sample.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["foot"] == foot]
+    return np.array([[float(row[key]) for key in ("start", "end", "ic", "tc")] for row in rows])
+
+
+def test_a_loop_closes_without_being_told_that_it_is_one(data, tmp_path, capsys) -> None:
+    file = data / "xio_walk" / "short_walk.csv"
+    assert command("import", "ngimu", file, "--out", tmp_path / "s") == 0
+    result = told(capsys, "gait", tmp_path / "s", "--json", "--no-report")
+    assert result["closure_mm"] < 60  # the maker's example: 82
+    (own,) = result["sensors"].values()
+    assert (own["on"], own["known_by"], own["method"]) == ("foot", "motion", "strapdown")
+    assert len(own["strides"]) == 16
+    assert result["closure_mm"] < 2 * own["closure_sd_mm"]
+
+
+@pytest.mark.parametrize("foot", ["left", "right"])
+def test_each_stride_of_the_markers_is_found_once_and_none_beside(data, found, foot) -> None:
+    events = listed(data, foot)
+    contacts = np.array([stride.ic_s for stride in found.sensors[foot].strides]) * 204.8
+    own = contacts[(contacts > events[0, 2] - 50) & (contacts < events[-1, 2] + 50)]
+    assert len(own) == len(events)
+    off = (own - events[:, 2]) / 204.8
+    assert np.sqrt(np.mean(off**2)) < 0.012 and np.abs(off).max() < 0.025
+
+
+@pytest.mark.parametrize(("foot", "columns"), [("left", [7, 8]), ("right", [10, 11])])
+def test_strides_are_as_long_as_the_heels_way(data, found, foot, columns) -> None:
+    events = listed(data, foot)
+    file = data / "gaitmap" / "mocap_sample.csv"
+    marker = np.genfromtxt(file, delimiter=",", skip_header=2)[:, columns] / 1000
+    time = np.arange(len(marker)) / 100
+    stands = [
+        np.column_stack([np.interp(events[:, j] / 204.8, time, marker[:, i]) for i in (0, 1)])
+        for j in (0, 1)
+    ]
+    true = np.linalg.norm(stands[1] - stands[0], axis=1)
+    strides = found.sensors[foot].strides
+    contacts = np.array([stride.ic_s for stride in strides]) * 204.8
+    rows = np.abs(contacts[:, None] - events[:, 2]).argmin(axis=0)
+    lengths, sd = np.array([[strides[i].length_m, strides[i].length_sd_m] for i in rows]).T
+    error = lengths - true
+    assert np.sqrt(np.mean(error**2)) < 0.03
+    straight = true > 1.2
+    assert np.sqrt(np.mean(error[straight] ** 2)) < 0.018
+    assert np.mean(np.abs(error[straight]) < 1.96 * sd[straight]) > 0.85
+
+
+def test_two_feet_are_compared(found) -> None:
+    rows = {row.quantity: row for row in found.symmetry}
+    assert abs(rows["stride_time_s"].difference_percent) < 1
+    assert 1.3 < rows["length_m"].left < 1.45
+
+
+def test_what_was_typed_judges_and_stands_in_the_report(simulated, capsys) -> None:
+    corners = "0,0 1,0 1,1"
+    words = ["gait", simulated.path, "--cycles", 9, "--distance", 10.4, "--corners", corners]
+    result = told(capsys, *words, "--json")
+    errors = {row["quantity"]: row["error"] for row in result["checks"]}
+    assert errors["cycles"] == -1
+    assert abs(errors["distance_m"]) < 0.05
+    assert errors["end_off_m"] > 1  # it is no such path
+    page = Path(result["report"]).read_text()
+    for words in ("The path from above", "Events in the signals", "Strides of imu"):
+        assert words in page
+
+
+def test_a_gait_is_read_back_as_it_was_kept_and_goes_out_as_tables(simulated, capsys) -> None:
+    assert command("gait", simulated.path, "--no-report") == 0
+    kept = Gait.load(simulated.path)
+    anew = gait(simulated)
+    assert json_text(kept.summary()) == json_text(anew.summary())
+    for name, column in anew.walks["imu"].items():
+        np.testing.assert_array_equal(kept.walks["imu"][name], column)
+    assert command("export", simulated.path, "--to", "csv", "--force") == 0
+    with (simulated.path / "export" / "csv" / "strides_imu.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["length_m"]) for row in rows] == [
+        stride.length_m for stride in kept.sensors["imu"].strides
+    ]
+
+
+def test_where_nobody_knows_where_it_sits_nothing_is_reckoned(simulated, monkeypatch) -> None:
+    monkeypatch.setattr("testbench.estimation.gait.stage.place_by_motion", lambda *_: None)
+    own = gait(simulated).sensors["imu"]
+    assert not own.strides and np.isnan(own.distance_m)
+    (said,) = own.findings
+    assert said.code == "gait.place_unknown" and "--on" in said.remedy
+
+
+def test_a_sensor_goes_by_the_regression_where_its_parameters_are_named(simulated, capsys) -> None:
+    words = ["--parameters", "ngimu_instep", "--no-report", "--json"]
+    result = told(capsys, "gait", simulated.path, "--on", "foot", *words)
+    own = result["sensors"]["imu"]
+    assert (own["method"], own["parameters"]) == ("regression", "ngimu_instep")
+    assert {row["code"] for row in own["findings"]} >= {"gait.regression", "gait.mounting"}
+
+
+def test_a_shank_without_rates_goes_by_the_devices_orientation(tmp_path) -> None:
+    _, samples = swinging()
+    acc = samples.acc + 0.01 * np.random.default_rng(0).standard_normal(samples.acc.shape)
+    rates = np.full_like(acc, np.nan)
+    session = session_of(tmp_path, "l_shank", 100.0, rates, acc, samples.device_q)
+    own = gait(session).sensors["l_shank"]
+    assert (own.on, own.known_by, own.side) == ("shank", "name", "left")
+    assert (own.parameters, own.filter, own.mounting) == ("universal", "euler_ekf", "level")
+    assert len(own.strides) == 12
+    assert own.distance_m == pytest.approx(12 * (0.0294 * 40 + 0.232), rel=0.02)
+    assert "gait.derived" in {found.code for found in own.findings}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--on", "knee"], "unknown place 'knee'"),
+        (["--on", "other=foot"], "unknown sensor 'other'"),
+        (["--on", "shank", "--parameters", "mine"], "unknown parameters 'mine'"),
+        (["--corners", "0,0 x,1"], "'x,1' is no corner"),
+        (["--cycles", "0"], "--cycles 0"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_sentence(simulated, capsys, words, message) -> None:
+    assert command("gait", simulated.path, "--no-report", *words) == 2
+    assert message in capsys.readouterr().err
