@@ -299,7 +299,7 @@ def _by_standing(
 
 _NO_STANDING = {
     True: (
-        "no standing pose was found: there is no rest of all its sensors of 0.8 s",
+        "no standing pose was found: there is no rest of all its sensors of 1 s",
         "standing still at the beginning, or alignment.standing_s: from and to in seconds",
     ),
     False: (
