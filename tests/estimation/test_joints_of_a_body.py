@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.joints.angle_sd import AngleBudget, angle_sd
+from testbench.estimation.joints.angle_sd import INCLINATION_SD, AngleBudget, angle_sd
 from testbench.estimation.joints.facing import Facing, Relative, Unknown, find_facing
 from testbench.estimation.joints.joint_centre import heading_by_centre
 from testbench.estimation.joints.limb import Limb, limbs_of
@@ -142,7 +142,7 @@ def test_the_uncertainty_of_angles_is_that_of_the_segments_drawn_at_random():
     off = [Rotation.from_rotvec(sd * draw.standard_normal((n, 3))) for _ in range(2)]
     away = Rotation.from_euler("Z", turn * draw.standard_normal((n, 1)))
     level = [
-        Rotation.from_rotvec(np.radians(0.5) * draw.standard_normal((n, 3)) * [1, 1, 0])
+        Rotation.from_rotvec(INCLINATION_SD * draw.standard_normal((n, 3)) * [1, 1, 0])
         for _ in range(2)
     ]
     drawn = (level[0] * thigh * off[0]).inv() * (level[1] * away * shank * off[1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,9 +10,11 @@ from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.decomposition import Decomposition
 
+MOST = 50_000
+"""Instants that it is computed at; between them it is interpolated: it follows the posture."""
 STEP = 1e-5
 """Of a small rotation in a numeric derivative [rad]."""
-INCLINATION_SD = np.radians(0.5)
+INCLINATION_SD = np.radians(0.4)
 """Of each filter's vertical while a body moves, about each level axis [rad]."""
 UP_OF_SEGMENT = np.array([0.0, 1.0, 0.0])
 
@@ -66,6 +68,14 @@ def angle_sd(
     Returns:
         Shape (n, 3) [rad].
     """
+    every = -(-len(time_ns) // MOST)
+    if every > 1:
+        rows = np.append(np.arange(0, len(time_ns) - 1, every), len(time_ns) - 1)
+        few = time_ns[rows], q_proximal[rows], q_distal[rows]
+        if budget.headings is not None:
+            budget = replace(budget, headings=budget.headings[rows])
+        columns = angle_sd(*few, decomposition, budget).T
+        return np.column_stack([np.interp(time_ns, few[0], column) for column in columns])
     q = rotation.multiply(rotation.conjugate(q_proximal), q_distal)
     R = rotation.to_matrix(q)
     up = rotation.to_matrix(q_distal)[:, 2, :]

@@ -299,7 +299,7 @@ def _by_standing(
 
 _NO_STANDING = {
     True: (
-        "no standing pose was found: there is no rest of all its sensors of 0.8 s",
+        "no standing pose was found: there is no rest of all its sensors of 1 s",
         "standing still at the beginning, or alignment.standing_s: from and to in seconds",
     ),
     False: (
@@ -411,8 +411,13 @@ def _budget(
     if name in placing.pairs:  # an axis that is not the one that is meant is so in both segments
         shared = np.mean([own.of_axis for own in ends if own.of_axis is not None], axis=0)
         covariances = [own.covariance - own.of_axis for own in ends if own.of_axis is not None]
-    elif any(own.hinged for own in ends):
-        covariances = [own.covariance + (0 if own.hinged else 1) * about_up for own in ends]
+    elif any(own.hinged for own in ends):  # the one beside a hinge faces as its axis says
+        covariances = [
+            own.covariance + about_up
+            if own.of_axis is None
+            else own.covariance - own.of_axis * np.diag([0.0, 1.0, 0.0])
+            for own in ends
+        ]
     else:
         shared = about_up
     track = found.headings.get(kind.name)

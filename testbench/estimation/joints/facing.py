@@ -227,7 +227,7 @@ def _main_direction(
     for name, joint in joints.items():
         if kinds[name] not in FORWARDS:
             continue
-        found = _main_axis(joint_turns(limb, joint, standing, apart), FORWARDS[kinds[name]])
+        found = _main_axis(joint_turns(limb, joint, standing, apart), kinds[name])
         if found is not None:
             axes.append(found)
             weights.append(1 / np.radians(AXIS_SD_DEG[kinds[name]]) ** 2)
@@ -251,8 +251,11 @@ def _main_direction(
     return right + np.pi / 2, float(1 / np.sqrt(chosen.sum())), f"the motion of {', '.join(names)}"
 
 
-def _main_axis(turns: np.ndarray, sign: int) -> float | None:
-    """Heading of the axis that a joint flexes about, pointing to the right [rad]."""
+def _main_axis(turns: np.ndarray, kind: JointKind | None) -> float | None:
+    """Heading of the axis that a joint flexes about, pointing to the right [rad].
+
+    Of a joint that nobody names the larger part of the motion is positive, be it hardly larger.
+    """
     _, vectors = np.linalg.eigh(turns.T @ turns)
     axis = vectors[:, -1]
     along = turns @ axis
@@ -261,7 +264,7 @@ def _main_axis(turns: np.ndarray, sign: int) -> float | None:
     if high - low < LEAST_SWING or np.hypot(axis[0], axis[1]) < LEAST_LEVEL or share < LEAST_SHARE:
         return None
     skew = (high + low) / (high - low)
-    if abs(skew) < LEAST_SKEW:
+    if kind is not None and abs(skew) < LEAST_SKEW:
         return None
-    axis = axis * np.sign(skew) * sign
+    axis = axis * (1 if skew >= 0 else -1) * FORWARDS[kind]
     return float(np.arctan2(axis[1], axis[0]))

@@ -22,10 +22,14 @@ LEVER_SD = 0.4
 """Of a joint's centre from a sensor about each axis [m]: what the motion does not show stays
 small.
 """
-LEAST_MOTION = 0.5
+LEAST_MOTION = 0.15
 """RMS horizontal acceleration below which nothing is told [m/s^2]: a filter's inclination of 1 deg
 feigns 0.17.
 """
+LEAST_CONTRAST = 4.0
+"""The worst heading leaves at least so many times the variance of the best."""
+MOST_SD = np.radians(15.0)
+"""A heading that is known no better is not told [rad]."""
 GRID = 180
 RIVAL = 1.3
 """Another minimum that leaves less than so many times the variance of the best makes the answer
@@ -73,6 +77,8 @@ def heading_by_centre(limb: Limb, first: str, second: str) -> CentreHeading | No
     grid = np.arange(GRID) * 2 * np.pi / GRID
     values = np.array([cost(angle) for angle in grid])
     valleys = np.flatnonzero((values <= np.roll(values, 1)) & (values < np.roll(values, -1)))
+    if not len(valleys) or values.max() < LEAST_CONTRAST * values.min():
+        return None
     ranked = valleys[np.argsort(values[valleys])]
     if len(ranked) > 1 and values[ranked[1]] < RIVAL * values[ranked[0]]:
         return None
@@ -83,6 +89,8 @@ def heading_by_centre(limb: Limb, first: str, second: str) -> CentreHeading | No
         return None
     sd = float(np.sqrt(2 * least / curvature / independent))
     total = float(np.sum(a**2)) / len(a)
+    if sd > MOST_SD:
+        return None
     return CentreHeading(
         float(rotation.wrap(np.array(heading))),
         float(np.hypot(sd, MODEL_SD)),

@@ -19,9 +19,9 @@ MOST = 30_000
 """Instants that an alignment looks at: ten minutes."""
 SMOOTH_S = 0.1
 """Rates and accelerations are means over so long [s]: above 5 Hz skin moves more than bones."""
-QUIET = np.radians(10.0)
+QUIET = np.radians(6.0)
 """A standing person sways slower than this [rad/s]: 1 to 3 deg/s, and sensors' noise."""
-QUIET_WINDOW_S, LEAST_S, LONGEST_S = 0.3, 0.8, 5.0
+QUIET_WINDOW_S, LEAST_S, LONGEST_S = 0.3, 1.0, 5.0
 """Over which a rate is looked at, the shortest rest that counts, and how much of a rest is used
 [s].
 """

@@ -11,6 +11,8 @@ from testbench.estimation.signals.segmentation import intervals_of
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 
+MOST_SWAY = np.radians(1.5)
+"""Who turns by more about the mean moves slowly, and does not stand (RMS) [rad]."""
 AWAY_S = 0.1
 """Left out at either end of a rest that was found [s]."""
 
@@ -46,16 +48,20 @@ def find_standing(limb: Limb, stated_ns: tuple[int, int] | None) -> Standing | N
         stated_ns: From and to, host time [ns]; None for the first rest of all sensors.
     """
     if stated_ns is not None:
-        begin, end = stated_ns
-    else:
-        least = round(LEAST_S / limb.interval)
-        rests = intervals_of(limb.quiet(), least)
-        if not len(rests):
-            return None
-        first, last = rests[0]
-        away = round(AWAY_S * NANOSECONDS)
+        return _held(limb, stated_ns, True)
+    away = round(AWAY_S * NANOSECONDS)
+    for first, last in intervals_of(limb.quiet(), round(LEAST_S / limb.interval)):
         begin = int(limb.time_ns[first]) + away
         end = min(int(limb.time_ns[last - 1]) - away, begin + round(LONGEST_S * NANOSECONDS))
+        found = _held(limb, (begin, end), False)
+        if found is not None and max(found.sway.values()) < MOST_SWAY:
+            return found
+    return None
+
+
+def _held(limb: Limb, interval_ns: tuple[int, int], told: bool) -> Standing | None:
+    """How each sensor is held in an interval; None where nothing was recorded in it."""
+    begin, end = interval_ns
     rows = (limb.time_ns >= begin) & (limb.time_ns <= end)
     if rows.sum() < 3:
         return None
@@ -64,4 +70,4 @@ def find_standing(limb: Limb, stated_ns: tuple[int, int] | None) -> Standing | N
         q[name] = rotation.mean(own[rows])
         turned = rotation.multiply(rotation.conjugate(q[name]), own[rows])
         sway[name] = float(np.sqrt(np.mean(rotation.angle(turned) ** 2)))
-    return Standing(begin, end, q, sway, stated_ns is not None)
+    return Standing(begin, end, q, sway, told)
