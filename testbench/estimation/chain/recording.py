@@ -151,6 +151,11 @@ def model_robot(session: Session, model: ChainModel) -> Robot:
 def _of_import(
     session: Session, model: ChainModel, raw: Mapping[str, SensorFile]
 ) -> ChainRecording:
+    if len(model.sensors) > 1 and any(own.code == "clock.own" for own in session.manifest.findings):
+        raise InputError(
+            "the clocks of its sensors have nothing in common, and the chain filter needs one time "
+            "for all; give the files Unix times, or one file"
+        )
     carried = {}
     for name, one in model.sensors.items():
         if name not in raw:

@@ -163,7 +163,9 @@ TEMPLATES = {
         "does not fit",
     ),
     "chain.placement_unsettled": Template(
-        WARNING, "the fit of the sensors' placement did not settle; its values are rough"
+        WARNING,
+        "the chain filter is lost: the fit of the sensors' placement did not settle; state the "
+        "start pose or the placement better, or record a motion that shows more",
     ),
     "chain.placement_held": Template(
         NOTE,
