@@ -55,8 +55,8 @@ class PlacementCheck:
     @property
     def lost(self) -> bool:
         """Whether the angles are not to be believed."""
-        off = self.evidence > LEAST_EVIDENCE and bool(np.degrees(self.off.max()) > LOST_DEG)
-        return off or not self.settled
+        within = self.evidence <= LEAST_EVIDENCE or bool(np.degrees(self.off.max()) <= LOST_DEG)
+        return not (within and self.settled)  # of a filter that went to infinity too
 
     def facts(self, joints: list[str]) -> dict[str, Any]:
         """As they stand in estimate.json."""

@@ -129,6 +129,7 @@ class _Section:
         wanted: ChainEstimation,
         section: str,
     ):
+        # Longer than a screen: what each sensor gives goes into arrays of all samples together.
         self.wanted, self.section, self.model = wanted, section, recording.model
         part = recording.part(section, {name: sensors[name] for name in names})
         (begin, end), (begins, ends) = part.rest, part.motion
@@ -142,6 +143,11 @@ class _Section:
         )
         robot = recording.robot
         self.start = part.pose[[robot.joint_names.index(name) for name in self.chain.joints]]
+        self.standing_deg = {
+            name: float(np.degrees(angle))
+            for name, angle in zip(robot.joint_names, part.pose, strict=True)
+            if name not in self.chain.joints
+        }
         self.rest_s = begin / NANOSECONDS, end / NANOSECONDS
         self.begins_s = begins / NANOSECONDS
         times, owners, readings, means, counts, self.noise = [], [], [], [], [], []
@@ -271,6 +277,7 @@ class _Section:
             unit: float(np.degrees(settings.process_noise)),
             "normalised_innovation_squared": float(motion.nis.mean()),
             "smoothed": self.wanted.smooth,
+            "standing_deg": self.standing_deg,
             **check.facts(self.chain.joints),
         }
         if self.placement is not None:

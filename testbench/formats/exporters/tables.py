@@ -40,13 +40,17 @@ def unit_of(column: str) -> str:
 
 
 def all_tables(source: ExportSource) -> dict[str, Table]:
-    """Every table of a session by name: imu_<sensor>, truth_<sensor>, joint_<joint>, arm, steps."""
+    """Every table of a session by name: imu_<sensor>, truth_<sensor>, joint_<joint>,
+    chain_<section>_<state>, arm, steps.
+    """
     result = {f"imu_{name}": sensor_table(source, name) for name in source.sensor_names}
     for name, truth in source.truths.items():
         if truth is not None:
             result[f"truth_{name}"] = timed(truth.host_time_ns) | truth.to_columns()
     for name in source.estimate.joints:
         result[f"joint_{name}"] = joint_table(source, name)
+    for key, one in source.chains.items():
+        result[key] = timed(one.host_time_ns) | one.to_columns()
     if source.arm is not None:
         result["arm"] = timed(source.arm.host_time_ns) | source.arm.to_columns()
     if source.session.steps:
@@ -159,6 +163,8 @@ def conventions() -> dict[str, str]:
         "<filter>_<sequence>_first_rad": "intrinsic Euler angles of the distal segment against the "
         "proximal one",
         "<filter>_<sequence>_first_sd_rad": "standard uncertainty of that angle, where it is known",
+        "q_<joint>_rad, v_..., a_...": "in tables chain_<section>_<state>: angle, rate and "
+        "acceleration of a joint by the chain filter, with standard uncertainties (q_sd_...)",
         "<filter>_<sequence>_flexion_rad": "the one that is the flexion, with its sign",
     }
 
