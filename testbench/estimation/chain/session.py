@@ -51,6 +51,8 @@ LOOSER = 2.0
 innovations are then correlated. In gait, constants err by 1.3 to 2 times their standard deviations
 with the most likely one, and by 0.7 to 1.3 with twice that.
 """
+UNCERTAIN_DEG = 2.5
+"""Angles of which the filter knows less than this are named: their errors may pass 5 deg [deg]."""
 OF_LIMBS = 5.0
 """An import runs with this times the most likely jerk [1], as `gait` does: with that itself the
 pelvis is too sure by far (NEES of its tilt 25), since what limbs do is smooth between jolts.
@@ -206,7 +208,7 @@ class _Section:
         motion = run(sensors, settings, self.samples, constants)
         check = check_placement(motion, constants, fit is None or fit.settled)
         record = self._record(state, settings, motion, check)
-        return record, placement_findings(record, check, fit)
+        return record, [*placement_findings(record, check, fit), *_uncertain(record)]
 
     @cached_property
     def placement(self) -> PlacementFit | None:
@@ -296,6 +298,16 @@ class _Section:
             mean=motion.mean[own],
             sd=motion.sd[own],
         )
+
+
+def _uncertain(estimate: ChainEstimate) -> list[Finding]:
+    """That angles are known to some degrees only, by the filter's own uncertainty."""
+    sd = np.degrees(np.sqrt(np.mean(estimate.sd[:, 0] ** 2, axis=0)))
+    joints = [name for name, own in zip(estimate.joints, sd, strict=True) if own > UNCERTAIN_DEG]
+    if not joints:
+        return []
+    where = f"chain, section {estimate.section}, {estimate.state}"
+    return [finding("chain.uncertain", where, joints=joints, sd_deg=float(sd.max()))]
 
 
 def looser(settings: FilterSettings, times: float) -> FilterSettings:

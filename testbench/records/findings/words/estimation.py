@@ -156,6 +156,11 @@ TEMPLATES = {
         "which puts the angle of {joint} off by about {off_deg:.1f} deg; measure where they sit, "
         "or have it fitted by estimate.chain.placement",
     ),
+    "chain.uncertain": Template(
+        NOTE,
+        "little tells of the angles of {joints}: their standard uncertainty is up to "
+        "{sd_deg:.1f} deg",
+    ),
     "chain.lost_though_fitted": Template(
         WARNING,
         "the chain filter is lost though the placement was fitted: by the sensors' own readings "
