@@ -22,6 +22,7 @@ from testbench.pipeline.kept_estimate import is_as_asked, load_or_estimate, stor
 from testbench.pipeline.loaded_analysis import load_analysis, sound
 from testbench.pipeline.request import AnalysisRequest, ExportRequest
 from testbench.records.results.estimate import Estimate
+from testbench.records.session.layout import CHAIN
 from testbench.records.session.session import Session
 from testbench.records.session.session_lock import session_locked
 
@@ -48,6 +49,8 @@ def export(session: Session, asked: ExportRequest) -> Exported:
     if own is not None:
         estimated = estimate(session, [own], parameters=asked.parameters)
     else:
+        if stored is None and wanted is not None and wanted.startswith(CHAIN):
+            stored = load_or_estimate(session)  # which chains there are follows from it
         known = list(dict.fromkeys([TRUTH, *FILTERS, *_filters_of(stored)]))
         if wanted is not None and wanted not in known:
             raise NotFoundError("filter", wanted, known)
@@ -108,11 +111,11 @@ def refuse_export(asked: ExportRequest, filters: Sequence[str]) -> None:
 
 
 def _filters_of(estimated: Estimate | None) -> list[str]:
-    """Names of the filters that ran, or were skipped, for any sensor."""
+    """Names of the filters that ran, or were skipped, for any sensor, and of chains."""
     sensors = [] if estimated is None else estimated.sensors.values()
-    return list(
-        dict.fromkeys(key for sensor in sensors for key in (*sensor.orientation, *sensor.skipped))
-    )
+    keys = [key for sensor in sensors for key in (*sensor.orientation, *sensor.skipped)]
+    chains = [] if estimated is None else [one.key for one in estimated.chain]
+    return list(dict.fromkeys([*keys, *chains]))
 
 
 def _place(session: Session, asked: ExportRequest, wanted: str | None) -> Path:

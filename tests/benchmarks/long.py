@@ -14,6 +14,7 @@ from tests.benchmarks.intervals import bench_intervals
 from tests.benchmarks.joints_of_people import bench_joints
 from tests.benchmarks.mutated_imports import bench_mutated_imports
 from tests.benchmarks.mutations import bench_mutations
+from tests.benchmarks.placements import bench_placements
 
 CAMPAIGNS: list[Callable[[], bool]] = [
     bench_intervals,
@@ -23,6 +24,7 @@ CAMPAIGNS: list[Callable[[], bool]] = [
     bench_joints,
     bench_mutations,
     bench_mutated_imports,
+    bench_placements,
 ]
 
 

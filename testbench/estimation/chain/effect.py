@@ -70,7 +70,6 @@ def learn(
     Ph: np.ndarray,
     innovation: float,
     S: float,
-    row: np.ndarray,
 ) -> None:
     """What one innovation tells of the constants, and what its update leaves of their effect.
 
@@ -83,20 +82,10 @@ def learn(
         Ph: P times that before the update, shape (n,).
         innovation: Of the reading.
         S: Its variance.
-        row: Space for the derivative of the innovation by the constants, shape (p,).
     """
     V, told, score = effect.sensitivity, effect.information, effect.score
     n, p = V.shape
-    row[:] = 0.0
-    for t in range(6):
-        row[6 * s + t] = by_place[t]
-    for k in range(effect.lengths.shape[1]):
-        if effect.lengths[s, k] >= 0:
-            row[effect.lengths[s, k]] = by_place[6 + k]
-    for t in range(n):
-        if h[t] != 0.0:
-            for c in range(p):
-                row[c] += h[t] * V[t, c]
+    row = _by_constants(effect, s, by_place, h)
     for r in range(p):
         weight = row[r] / S
         score[r] += weight * innovation
@@ -106,6 +95,27 @@ def learn(
         gain = Ph[t] / S
         for c in range(p):
             V[t, c] -= gain * row[c]
+
+
+@njit(cache=True)
+def _by_constants(
+    effect: PlacementEffect, s: int, by_place: np.ndarray, h: np.ndarray
+) -> np.ndarray:
+    """Derivative of an innovation by the constants, shape (p,): directly, and by the state's error.
+
+    Arguments are those of `learn`.
+    """
+    V = effect.sensitivity
+    row = np.zeros(V.shape[1])
+    row[6 * s : 6 * s + 6] = by_place[:6]
+    for k in range(effect.lengths.shape[1]):
+        if effect.lengths[s, k] >= 0:
+            row[effect.lengths[s, k]] = by_place[6 + k]
+    for t in range(len(h)):
+        if h[t] != 0.0:
+            for c in range(len(row)):
+                row[c] += h[t] * V[t, c]
+    return row
 
 
 @njit(cache=True)

@@ -104,6 +104,7 @@ def filter_chain(
     counts, columns = sensors.counts, sensors.columns
     e, n, m = len(time), len(x), indices.shape[0]
     bias = m * (2 * harmonics + 1) + 1 if harmonics else 3 * m
+    errors = (bias, bias + 6 * len(counts), bias + 7 * len(counts))
     means, sds = np.empty((e, 3, m)), np.empty((e, 3, m))
     nis, high = np.zeros(e), np.zeros(e)
     states = np.empty((e if keep else 0, n))
@@ -135,7 +136,7 @@ def filter_chain(
         for r in range(6):
             by_motion(h, by[:, r], columns[s, : counts[s]], indices, slopes)
             innovation = reading[i, r] - predicted[r]
-            innovation -= by_errors(x, h, s, r, bias, len(counts), change[i, r], predicted)
+            innovation -= by_errors(x, h, s, r, errors, change[i, r], predicted)
             # S = h' P h + R, and the innovation less what the readings before it have told
             times_gain(P, h, Ph)
             S = variance[i, r]
@@ -146,14 +147,14 @@ def filter_chain(
             likelihood[i] -= 0.5 * (math.log(2 * math.pi * S) + innovation * innovation / S)
             take(dx, P, Ph, innovation / S, 1.0 / S)
             if p > 0:  # what wrong placement does to this reading
-                learn(effect, s, by_place[r], h, Ph, innovation, S, row)
+                learn(effect, s, by_place[r], h, Ph, innovation, S)
         for t in range(n):
             x[t] += dx[t]
         nis[i] /= 6
         # mean of the normalised innovation squared with a fading memory
         fade = math.exp(-dt / levels[1])
         levels[2] = fade * levels[2] + (1 - fade) * nis[i]
-        hold(x, P, effect, process, motion, slopes, h, Ph)
+        hold(x, P, effect, process, motion, slopes, h)
         joint_motion(x, indices, harmonics, motion, slopes)
         means[i] = motion
         for order in range(3):
@@ -196,8 +197,7 @@ def by_errors(
     h: np.ndarray,
     s: int,
     r: int,
-    bias: int,
-    sensors: int,
+    first: tuple[int, int, int],
     change: float,
     predicted: np.ndarray,
 ) -> float:
@@ -208,13 +208,11 @@ def by_errors(
         h: Row of H, whose elements of this sensor are filled in, shape (n,).
         s: Which sensor.
         r: Which of its readings.
-        bias: First state of errors; those that are left out begin at n.
-        sensors: How many there are.
+        first: First states of biases, clocks and scales; those that are left out begin at n.
         change: Derivative of the reading by time.
         predicted: Readings of the sensor without errors, shape (6,).
     """
-    clock, n, added = bias + 6 * sensors, len(x), 0.0
-    scale = clock + sensors
+    (bias, clock, scale), n, added = first, len(x), 0.0
     if n > bias:  # its bias, and what a late clock adds
         h[bias + 6 * s + r] = 1.0
         h[clock + s] = change
@@ -293,7 +291,6 @@ def hold(
     motion: np.ndarray,
     slopes: np.ndarray,
     h: np.ndarray,
-    Ph: np.ndarray,
 ) -> None:
     """Bring joints back within their limits: the density is cut off there (Simon, Optimal State
     Estimation, 2006, sect. 7.5.4).
@@ -310,8 +307,8 @@ def hold(
         motion: Filled with q, v and a, shape (3, m).
         slopes: Filled with their derivatives by the states, shape (3, m, k).
         h: Space for a row of H, shape (n,).
-        Ph: Space for P times that, shape (n,).
     """
+    Ph = np.empty(len(x))
     harmonics, indices, limits = process.harmonics, process.indices, process.limits
     joint_motion(x, indices, harmonics, motion, slopes)
     for j in range(indices.shape[0]):

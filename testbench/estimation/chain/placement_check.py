@@ -45,15 +45,18 @@ class PlacementCheck:
         evidence: Improvement of their chi-square by the placement they would have, for each
             constant [1].
         off: How far each joint's angle would move by it, RMS over the samples, shape (m,) [rad].
+        settled: Whether the placement was stated, or a fit of it settled.
     """
 
     evidence: float
     off: np.ndarray
+    settled: bool = True
 
     @property
     def lost(self) -> bool:
         """Whether the angles are not to be believed."""
-        return self.evidence > LEAST_EVIDENCE and bool(np.degrees(self.off.max()) > LOST_DEG)
+        within = self.evidence <= LEAST_EVIDENCE or bool(np.degrees(self.off.max()) <= LOST_DEG)
+        return not (within and self.settled)  # of a filter that went to infinity too
 
     def facts(self, joints: list[str]) -> dict[str, Any]:
         """As they stand in estimate.json."""
@@ -71,18 +74,21 @@ def doubted(sensors: ChainSensors) -> Constants:
     return Constants.of(sensors, float(DOUBT_ROTATION_SD), DOUBT_POSITION_SD)
 
 
-def check_placement(motion: ChainMotion, constants: Constants) -> PlacementCheck:
+def check_placement(
+    motion: ChainMotion, constants: Constants, settled: bool = True
+) -> PlacementCheck:
     """Check the placement of a run.
 
     Args:
         motion: With the effect of the constants.
         constants: With the prior of their distance from what the run was made with.
+        settled: Whether the placement was stated, or a fit of it settled.
     """
     effect = motion.effect
     step, _ = most_probable(effect, constants, np.zeros(len(constants.sd)))
     swing = np.einsum("p,jpq,q->j", step, effect.swing, step) / max(len(motion.time), 1)
     evidence = float(step @ effect.score) / len(step)
-    return PlacementCheck(evidence, np.sqrt(np.maximum(swing, 0.0)))
+    return PlacementCheck(evidence, np.sqrt(np.maximum(swing, 0.0)), settled)
 
 
 def placement_findings(
@@ -92,7 +98,9 @@ def placement_findings(
     section = f"chain, section {estimate.section}"  # its states share the fit
     where = f"{section}, {estimate.state}"
     told = []
-    if check.lost:
+    if fit is not None and not fit.settled:
+        told.append(finding("chain.placement_unsettled", section))
+    elif check.lost:
         told.append(
             finding(
                 "chain.lost" if fit is None else "chain.lost_though_fitted",
@@ -101,8 +109,6 @@ def placement_findings(
                 off_deg=estimate.facts["placement_off_deg"],
             )
         )
-    if fit is not None and not fit.settled:
-        told.append(finding("chain.placement_unsettled", section))
     if fit is not None and fit.held:
         told.append(finding("chain.placement_held", section, held=fit.held))
     return told

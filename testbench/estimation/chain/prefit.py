@@ -20,7 +20,7 @@ from testbench.estimation.chain.run import ChainSamples, run_filter
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
 
-STEPS, SETTLED = 6, 0.3
+STEPS, SETTLED = 10, 0.3
 """Runs at most; and a step below this part of what remains uncertain is the last [1]."""
 HELD = 0.5
 """A constant of which more than this part of its prior standard deviation is left is held by the

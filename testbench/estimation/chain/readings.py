@@ -77,6 +77,13 @@ def rest_noise(
 
     A gyroscope's response to gravity acts like a bias, and so does an accelerometer's scale where
     it is no state of its own.
+
+    Args:
+        sheet: What its maker states.
+        calibration: What was fitted to it, if anything.
+        rate: Angular rates at rest, shape (n, 3) [rad/s].
+        force: Specific forces at rest, shape (n, 3) [m/s^2].
+        scales: Whether errors of scale and axes are states.
     """
     gyroscope, accelerometer = sheet.gyroscope.triad(), sheet.accelerometer.triad()
     calibrated = calibration.method != "none" and bool(

@@ -14,12 +14,12 @@ from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.disk.tables import read_parquet
 from testbench.records.results.estimate import SensorEstimate
-from testbench.records.session.layout import CHAIN_ROBOT, CHAIN_URDF, PLAN
+from testbench.records.session.layout import PLAN
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.sensor_file import SensorFile
 from testbench.records.session.session import Session
 from testbench.records.specs.protocol_chain import ChainModel
-from testbench.records.specs.robot import Robot, load_robot, robot_from_text
+from testbench.records.specs.robot import Robot
 from testbench.records.specs.sensor import ImuParameters
 
 SETTLED_NS = NANOSECONDS * 3 // 10
@@ -141,16 +141,14 @@ class ChainRecording:
         return np.array([table[f"q_{joint}_rad"][row] for joint in self.robot.joint_names])
 
 
-def model_robot(session: Session, model: ChainModel) -> Robot:
-    """The model of an import: the copy in its folder, or one that ships with the bench."""
-    if model.robot == CHAIN_ROBOT:
-        return robot_from_text(session.path / CHAIN_ROBOT, session.path / CHAIN_URDF)
-    return load_robot(model.robot)
-
-
 def _of_import(
     session: Session, model: ChainModel, raw: Mapping[str, SensorFile]
 ) -> ChainRecording:
+    if len(model.sensors) > 1 and any(own.code == "clock.own" for own in session.manifest.findings):
+        raise InputError(
+            "the clocks of its sensors have nothing in common, and the chain filter needs one time "
+            "for all; give the files Unix times, or one file"
+        )
     carried = {}
     for name, one in model.sensors.items():
         if name not in raw:
@@ -167,7 +165,9 @@ def _of_import(
                 }
             )
         carried[name] = CarriedSensor(one.link, Pose.from_placement(one.mounting), sheet)
-    return ChainRecording(model_robot(session, model), carried, raw, model=model)
+    robot = session.chain_robot
+    assert robot is not None
+    return ChainRecording(robot, carried, raw, model=model)
 
 
 def lengths_of(robot: Robot, model: ChainModel) -> np.ndarray:
@@ -213,7 +213,7 @@ def _stated_pose(robot: Robot, model: ChainModel) -> np.ndarray:
 
 
 def _from_rest(
-    sensors: Mapping[str, SensorEstimate], stated_s: tuple[float, float] | None, pose: np.ndarray
+    sensors: Mapping[str, SensorEstimate], stated_s: Sequence[float] | None, pose: np.ndarray
 ) -> ChainPart:
     """From the first rest of all sensors together, or the stated one, to the end."""
     first = max(int(one.host_time_ns[0]) for one in sensors.values())

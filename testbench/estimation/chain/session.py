@@ -51,6 +51,12 @@ LOOSER = 2.0
 innovations are then correlated. In gait, constants err by 1.3 to 2 times their standard deviations
 with the most likely one, and by 0.7 to 1.3 with twice that.
 """
+UNCERTAIN_DEG = 2.5
+"""Angles of which the filter knows less than this are named: their errors may pass 5 deg [deg]."""
+OF_LIMBS = 5.0
+"""An import runs with this times the most likely jerk [1], as `gait` does: with that itself the
+pelvis is too sure by far (NEES of its tilt 25), since what limbs do is smooth between jolts.
+"""
 SEARCHED_S = 10.0
 """The process noise is sought over this much of a section, from the beginning of its motion and
 `settling_s` on [s].
@@ -125,6 +131,7 @@ class _Section:
         wanted: ChainEstimation,
         section: str,
     ):
+        # Longer than a screen: what each sensor gives goes into arrays of all samples together.
         self.wanted, self.section, self.model = wanted, section, recording.model
         part = recording.part(section, {name: sensors[name] for name in names})
         (begin, end), (begins, ends) = part.rest, part.motion
@@ -138,6 +145,11 @@ class _Section:
         )
         robot = recording.robot
         self.start = part.pose[[robot.joint_names.index(name) for name in self.chain.joints]]
+        self.standing_deg = {
+            name: float(np.degrees(angle))
+            for name, angle in zip(robot.joint_names, part.pose, strict=True)
+            if name not in self.chain.joints
+        }
         self.rest_s = begin / NANOSECONDS, end / NANOSECONDS
         self.begins_s = begins / NANOSECONDS
         times, owners, readings, means, counts, self.noise = [], [], [], [], [], []
@@ -190,11 +202,13 @@ class _Section:
         settings, stated = self._settings(state), self._stated(state) is not None
         if not stated:
             settings = self._sought(sensors, settings)
+            if self.model is not None and state == "kinematic":
+                settings = looser(settings, OF_LIMBS)
         run = run_smoother if wanted.smooth else run_filter
         motion = run(sensors, settings, self.samples, constants)
-        check = check_placement(motion, constants)
+        check = check_placement(motion, constants, fit is None or fit.settled)
         record = self._record(state, settings, motion, check)
-        return record, placement_findings(record, check, fit)
+        return record, [*placement_findings(record, check, fit), *_uncertain(record)]
 
     @cached_property
     def placement(self) -> PlacementFit | None:
@@ -217,7 +231,7 @@ class _Section:
             settings,
             self.samples.until(self.begins_s - self.samples.start + FITTED_S),
             constants,
-            lambda sensors: _looser(self._sought(sensors, settings)),
+            lambda sensors: looser(self._sought(sensors, settings), LOOSER),
         )
 
     def _sought(self, sensors: ChainSensors, settings: FilterSettings) -> FilterSettings:
@@ -265,6 +279,7 @@ class _Section:
             unit: float(np.degrees(settings.process_noise)),
             "normalised_innovation_squared": float(motion.nis.mean()),
             "smoothed": self.wanted.smooth,
+            "standing_deg": self.standing_deg,
             **check.facts(self.chain.joints),
         }
         if self.placement is not None:
@@ -285,6 +300,16 @@ class _Section:
         )
 
 
-def _looser(settings: FilterSettings) -> FilterSettings:
+def _uncertain(estimate: ChainEstimate) -> list[Finding]:
+    """That angles are known to some degrees only, by the filter's own uncertainty."""
+    sd = np.degrees(np.sqrt(np.mean(estimate.sd[:, 0] ** 2, axis=0)))
+    joints = [name for name, own in zip(estimate.joints, sd, strict=True) if own > UNCERTAIN_DEG]
+    if not joints:
+        return []
+    where = f"chain, section {estimate.section}, {estimate.state}"
+    return [finding("chain.uncertain", where, joints=joints, sd_deg=float(sd.max()))]
+
+
+def looser(settings: FilterSettings, times: float) -> FilterSettings:
     """With more process noise than is most likely."""
-    return replace(settings, process_noise=LOOSER * settings.process_noise)
+    return replace(settings, process_noise=times * settings.process_noise)

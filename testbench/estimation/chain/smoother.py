@@ -47,6 +47,7 @@ def run_smoother(
 
     Arguments and result are those of `run_filter`, without states and covariances.
     """
+    # Longer than a screen: both passes, and what is handed from part to part.
     point, effect = begin(sensors, settings, samples, constants)
     x, P = point.x, point.P
     n, p = effect.sensitivity.shape

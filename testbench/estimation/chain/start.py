@@ -178,18 +178,28 @@ def start_state(
     x = x + K @ (said - H @ x)
     left = np.eye(n) - K @ H
     P = left @ P @ left.T + K @ R @ K.T
+    moved, information, score = _rest_effect(rested, constants)
     # an error of placement moves what rest says, and that the state
-    by_placement = _by_placement(rested.reading, constants)
-    moved = -covariance @ (rested.by_theta.T * rested.weight) @ by_placement
     sensitivity = K @ np.vstack([moved[:m], np.zeros((2 * m, constants)), moved[m:]])
-    # the misfit's covariance is J prior J' + R; its inverse by that of what was found (Woodbury)
+    return StartState(x, (P + P.T) / 2, sensitivity, information, score)
+
+
+def _rest_effect(rested: RestPose, constants: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What constants of placement do to what rest says, and what rest tells of them.
+
+    Returns:
+        Sensitivity of the error of pose and sensor errors, shape (k, p); information, shape (p, p);
+        and score, shape (p,).
+    """
+    by_placement = _by_placement(rested.reading, constants)
     weighted = rested.weight[:, None] * by_placement
     pulled = rested.by_theta.T @ weighted
-    information = by_placement.T @ weighted - pulled.T @ covariance @ pulled
-    score = weighted.T @ rested.misfit - pulled.T @ covariance @ (
+    # the misfit's covariance is J prior J' + R; its inverse by that of what was found (Woodbury)
+    information = by_placement.T @ weighted - pulled.T @ rested.covariance @ pulled
+    score = weighted.T @ rested.misfit - pulled.T @ rested.covariance @ (
         rested.by_theta.T @ (rested.weight * rested.misfit)
     )
-    return StartState(x, (P + P.T) / 2, sensitivity, information, score)
+    return -rested.covariance @ pulled, information, score
 
 
 def _by_placement(reading: np.ndarray, count: int) -> np.ndarray:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.exporters.chain_columns import chain_series
 from testbench.formats.exporters.opensim_names import FILES, anatomical_columns
 from testbench.formats.exporters.opensim_text import gap_notes, overlap, write_text
 from testbench.formats.exporters.settings import settings_lines
@@ -78,6 +79,8 @@ def _series(source: ExportSource) -> dict[str, tuple[np.ndarray, dict[str, np.nd
 
     All are finite.
     """
+    if source.chain is not None:
+        return chain_series(source)
     result: dict[str, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
     used: set[str] = set()
     for joint in source.joint_names():
@@ -109,6 +112,8 @@ def _series(source: ExportSource) -> dict[str, tuple[np.ndarray, dict[str, np.nd
             time[rows],
             {name: np.unwrap(values[rows]) for name, values in columns.items()},
         )
+    if source.filter != TRUTH:
+        result |= chain_series(source)
     if source.arm is not None and (result or source.filter == TRUTH):
         rows = increasing(source.arm.host_time_ns)
         alone = "" if source.filter == TRUTH else "_measured"

@@ -10,10 +10,12 @@ from typing import Literal
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.formats.exporters.chain_pose import chain_orientation
 from testbench.formats.exporters.opensim_names import Model
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series
 from testbench.model.true_segment import true_segment
+from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.gait import Gait
 from testbench.records.session.samples import ArmSamples, ImuSamples, Truth
@@ -79,9 +81,23 @@ class ExportSource:
         found = Gait.load(self.session.path)
         return found if found.fingerprint == self.session.fingerprint else None
 
+    @cached_property
+    def chains(self) -> dict[str, ChainEstimate]:
+        """What the chain filter estimated, by the names that stand for it in place of a filter's:
+        chain_<section>_<state>.
+        """
+        return {one.key: one for one in self.estimate.chain}
+
+    @property
+    def chain(self) -> ChainEstimate | None:
+        """That which was asked for in place of a filter."""
+        return self.chains.get(self.wanted or "")
+
     @property
     def sensor_names(self) -> list[str]:
-        """Those that were estimated."""
+        """Those that were estimated; of a chain that was asked for, those on it."""
+        if self.chain is not None:
+            return self.chain.sensors
         return [name for name in self.session.sensor_names if name in self.estimate.sensors]
 
     @cached_property
@@ -105,7 +121,7 @@ class ExportSource:
             InputError: It could not run for a sensor, or none ran.
         """
         if self.wanted is not None:
-            for name in self.sensor_names:
+            for name in self.sensor_names if self.chain is None else ():
                 self._check_ran(name, self.wanted)
             return self.wanted
         sensors = [self.estimate.sensors[name] for name in self.sensor_names]
@@ -141,7 +157,9 @@ class ExportSource:
         Returns:
             Host times, shape (n,), int64 [ns], and q_world_from_sensor, shape (n, 4).
         """
-        if self.filter == TRUTH:
+        if self.chain is not None:
+            time, q = self.chain.host_time_ns, chain_orientation(self.session, self.chain, sensor)
+        elif self.filter == TRUTH:
             truth = self.truths[sensor]
             assert truth is not None
             time, q = truth.host_time_ns, truth.q_world_from_sensor

@@ -45,7 +45,7 @@ def unit_of(column: str) -> str:
 
 def all_tables(source: ExportSource) -> dict[str, Table]:
     """Every table of a session by name: imu_<sensor>, truth_<sensor>, joint_<joint>,
-    strides_<sensor>, walk_<sensor>, arm, steps.
+    strides_<sensor>, walk_<sensor>, chain_<section>_<state>, arm, steps.
     """
     result = {f"imu_{name}": sensor_table(source, name) for name in source.sensor_names}
     for name, truth in source.truths.items():
@@ -58,6 +58,8 @@ def all_tables(source: ExportSource) -> dict[str, Table]:
             if own.strides:
                 result[f"strides_{name}"] = stride_table(own.strides)
         result |= {walk_table(name): columns for name, columns in source.gait.walks.items()}
+    for key, one in source.chains.items():
+        result[key] = timed(one.host_time_ns) | one.to_columns()
     if source.arm is not None:
         result["arm"] = timed(source.arm.host_time_ns) | source.arm.to_columns()
     if source.session.steps:
@@ -181,6 +183,8 @@ def conventions() -> dict[str, str]:
         "<filter>_<sequence>_first_rad": "intrinsic Euler angles of the distal segment against the "
         "proximal one",
         "<filter>_<sequence>_first_sd_rad": "standard uncertainty of that angle, where it is known",
+        "q_<joint>_rad, v_..., a_...": "in tables chain_<section>_<state>: angle, rate and "
+        "acceleration of a joint by the chain filter, with standard uncertainties (q_sd_...)",
         "<filter>_<sequence>_flexion_rad": "the one that is the flexion, with its sign",
     }
 

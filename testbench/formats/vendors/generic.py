@@ -34,6 +34,7 @@ def read(files: list[Path], options: Options) -> Recording:
         InputError: No mapping or no files, or a unit or rate is open.
         FileProblems: The mapping or a file is malformed.
     """
+    # Longer than a screen: what must be there is asked for, then each part is read in turn.
     name = options.mapping_name()
     if name is None and files and files[0].suffix.lower() in {".yaml", ".yml"}:
         name, files = str(files[0]), files[1:]

@@ -55,14 +55,18 @@ class ChainEstimate(ChainFacts):
         """Name of its file, without ending."""
         return chain_table(self.section, self.state)
 
-    def write(self, folder: Path) -> None:
-        """Write its samples."""
-        columns = {"host_time_ns": self.host_time_ns}
+    def to_columns(self) -> dict[str, np.ndarray]:
+        """Angles, rates and accelerations with their uncertainties, by name; shape (n,) each."""
+        columns: dict[str, np.ndarray] = {}
         for order, (mean, sd) in enumerate(self._columns(self.joints)):
             columns |= split(mean, self.mean[:, order]) | split(sd, self.sd[:, order])
+        return columns
+
+    def write(self, folder: Path) -> None:
+        """Write its samples."""
         write_parquet(
             folder / table_file(self.key),
-            columns,
+            {"host_time_ns": self.host_time_ns} | self.to_columns(),
             {"content": "joints by the chain filter, with uncertainties"},
         )
 

@@ -32,6 +32,8 @@ FOUND_CYCLES = "found_cycles"
 """The table of the average cycles that were found without a plan."""
 
 _IMU, _TRUTH = "imu_", "truth_"
+CHAIN = "chain_"
+"""Tables of the chain filter begin so, and in exports what stands for it in place of a filter."""
 
 
 def imu_stream(sensor: str) -> str:
@@ -61,7 +63,7 @@ def joint_table(joint: str) -> str:
 
 def chain_table(section: str, state: str) -> str:
     """The table of the arm's joints by a chain filter, or of their errors."""
-    return f"chain_{section}_{state}"
+    return f"{CHAIN}{section}_{state}"
 
 
 def magnetic_table(sensor: str) -> str:

@@ -24,6 +24,8 @@ from testbench.records.disk.tables import ROWS_PER_GROUP, parquet_shape, read_pa
 from testbench.records.session.body_joints import with_body
 from testbench.records.session.layout import (
     ARM,
+    CHAIN_ROBOT,
+    CHAIN_URDF,
     EVENTS,
     JOURNALS,
     MANIFEST,
@@ -39,7 +41,8 @@ from testbench.records.session.plan import PlannedCycles, PlannedStep
 from testbench.records.session.samples import ArmSamples, ImuSamples, Truth
 from testbench.records.session.sensor_file import SensorFile, TruthFile
 from testbench.records.specs.protocol import Analysis
-from testbench.records.specs.robot import Robot, robot_from_text
+from testbench.records.specs.robot import Robot, load_robot, robot_from_text
+from testbench.records.specs.strict import Placement
 
 
 @dataclass(frozen=True)
@@ -181,6 +184,30 @@ class Session:
         original = Path(urdf)  # its meshes lie beside it
         same = original.is_file() and copy.is_file() and original.read_bytes() == copy.read_bytes()
         return robot_from_text(file, original if same else copy)
+
+    @cached_property
+    def chain_robot(self) -> Robot | None:
+        """What the chain filter runs on: the model that an import states, or the arm.
+
+        Raises:
+            NotFoundError: No such model; lists those that ship.
+            FileProblems: The model is malformed.
+        """
+        chain = self.analysis.estimate.chain
+        if chain is None or chain.model is None:
+            return self.robot
+        if chain.model.robot == CHAIN_ROBOT:
+            return robot_from_text(self.path / CHAIN_ROBOT, self.path / CHAIN_URDF)
+        return load_robot(chain.model.robot)
+
+    def carried(self, sensor: str) -> tuple[str, Placement]:
+        """Link that carries a sensor for the chain filter, and its mounting as stated."""
+        chain = self.analysis.estimate.chain
+        if chain is not None and chain.model is not None:
+            own = chain.model.sensors[sensor]
+            return own.link, own.mounting
+        placed = self.analysis.sensors[sensor]
+        return placed.link, placed.mounting
 
     def sensor(self, sensor: str) -> SensorFile:
         """The raw samples of a sensor, opened the first time that they are asked for.

@@ -119,7 +119,7 @@ class ChainModel(StrictModel):
         description="Joint angles at the rest that it starts from [deg]; others as at home, which "
         "is standing for lower_limb.",
     )
-    rest_s: tuple[float, float] | None = Field(
+    rest_s: Annotated[list[float], Field(min_length=2, max_length=2)] | None = Field(
         default=None,
         description="Begin and end of that rest on the session's time axis [s]; null: the first of "
         "all sensors together.",
@@ -127,7 +127,7 @@ class ChainModel(StrictModel):
 
     @field_validator("rest_s")
     @classmethod
-    def _ordered(cls, rest: tuple[float, float] | None) -> tuple[float, float] | None:
+    def _ordered(cls, rest: list[float] | None) -> list[float] | None:
         if rest is not None and rest[1] - rest[0] < 0.5:
             raise ValueError("rest_s: [begin, end] of a rest of at least 0.5 s")
         return rest

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from testbench.frames import NANOSECONDS
+from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import ChainRow, Evaluation
 from testbench.records.session.layout import chain_table
@@ -52,17 +53,21 @@ def chain_section(
     if not estimate.chain:
         return None
     section = Section("chain", "Joints of the chain")
-    if evaluation is None:
-        section.blocks += [
-            Sentence("This session has not been evaluated: its errors are not known."),
-            _facts(estimate),
-        ]
-        return section
-    rows = evaluation.chain
+    noticed = estimate.findings if evaluation is None else evaluation.findings
     section.blocks += finding_sentences(
-        found for found in evaluation.findings if found.where.startswith("chain, ")
+        found for found in noticed if found.where.startswith("chain, ")
     )
-    section.blocks += [_errors(rows), _facts(estimate)] if rows else [_facts(estimate)]
+    rows = [] if evaluation is None else evaluation.chain
+    if not rows:
+        section.blocks += [
+            Sentence("Nobody knows the true angles: their errors are not known."),
+            *(_angles_over_time(one, spans) for one in estimate.chain),
+        ]
+    if evaluation is None:
+        section.blocks += [_facts(estimate), *_placements(estimate)]
+        return section
+    section.blocks += [_errors(rows)] if rows else []
+    section.blocks += [_facts(estimate), *_placements(estimate)]
     colours = filter_colours(list(dict.fromkeys(chain.state for chain in estimate.chain)))
     for name in dict.fromkeys(row.section for row in rows):
         cycles = {
@@ -168,6 +173,8 @@ def _facts(estimate: Estimate) -> Table:
                 significant(chain.facts.get("frequency_hz"), 6),
                 significant(chain.facts.get("frequency_sd_hz"), 2),
                 number(chain.facts.get("normalised_innovation_squared"), 2),
+                number(chain.facts.get("placement_off_deg"), 2),
+                text("yes" if chain.facts.get("lost") else "no"),
             ]
         )
         for chain in estimate.chain
@@ -185,13 +192,79 @@ def _facts(estimate: Estimate) -> Table:
             "base frequency [Hz]",
             "sd [Hz]",
             "innovation² / variance",
+            "off by placement [deg]",
+            "lost",
             numbers_from=5,
         ),
         rows,
-        "How to read: what the filter was told or found of the motion. The last column is 1 where "
-        "the readings differ from what was predicted as much as their variances say; far above 1 "
-        "the model is too sure of itself.",
+        "How to read: what the filter was told or found of the motion. Innovation² over variance "
+        "is 1 where the readings differ from what was predicted as much as their variances say; "
+        "far above 1 the model is too sure of itself. Off by placement is how far the worst joint "
+        "would move if the sensors sat where their readings say: beyond 1.5 deg the filter is "
+        "lost.",
     )
+
+
+def _angles_over_time(one: ChainEstimate, spans: list[Span]) -> Figures:
+    """The angles of an estimate that nobody can judge; of many, those that move most."""
+    moved = np.argsort(-np.ptp(one.mean[:, 0], axis=0), kind="stable")
+    drawn = [one.joints[i] for i in moved[:MOST_PANELS]]
+    colours = filter_colours([one.state])
+    envelope = Envelope(one.host_time_ns / NANOSECONDS, np.ones(len(one.mean), dtype=bool))
+    panels = {
+        f"{joint} [deg]": {one.state: envelope(np.degrees(one.mean[:, 0, one.joints.index(joint)]))}
+        for joint in drawn
+    }
+    title = f"Joint angles over time: {one.section}, {one.state}"
+    sd = np.degrees(np.sqrt(np.mean(one.sd[:, 0] ** 2, axis=0)))
+    stated = ", ".join(
+        f"{joint} {digits(float(sd[one.joints.index(joint)]), 2)}" for joint in drawn
+    )
+    how = f"How to read: as estimated. Standard uncertainties by the filter [deg]: {stated}."
+    if len(one.joints) > len(drawn):
+        how += f" Of {len(one.joints)} joints those that move most are drawn."
+    return Figures(title, {title.lower(): time_panels(envelope.time, panels, colours, spans)}, how)
+
+
+def _placements(estimate: Estimate) -> list[Table]:
+    """Where the sensors sit by their readings, once for the states of a section."""
+    tables, told = [], set[str]()
+    for chain in estimate.chain:
+        fitted = chain.facts.get("placement")
+        if fitted is None or chain.section in told:
+            continue
+        told.add(chain.section)
+        rows = [
+            Row([label(name), *(text(_triple(own, *keys)) for keys in PLACED)])
+            for name, own in fitted["sensors"].items()
+        ]
+        rows += [
+            Row([label(f"length before {joint}"), text(_percent(own)), text("")])
+            for joint, own in fitted["lengths"].items()
+        ]
+        tables.append(
+            Table(
+                f"Placement by the readings: {chain.section}",
+                header("sensor", "turned about x, y, z [deg]", "moved along x, y, z [mm]"),
+                rows,
+                "How to read: how far each sensor sits from where it is stated, with the standard "
+                "uncertainty that is left; its own axes for the turn, those of the joint that "
+                "carries it for the place. What the motion hardly tells is held by the stated "
+                "standard deviation.",
+            )
+        )
+    return tables
+
+
+PLACED = (("rotation_vector_deg", "rotation_sd_deg"), ("position_mm", "position_sd_mm"))
+
+
+def _triple(own: dict[str, list[float]], value: str, sd: str) -> str:
+    return ", ".join(f"{a:.2f} ± {b:.2f}" for a, b in zip(own[value], own[sd], strict=True))
+
+
+def _percent(own: dict[str, float]) -> str:
+    return f"{own['percent']:.2f} ± {own['sd_percent']:.2f} %"
 
 
 def _errors(rows: list[ChainRow]) -> Table:

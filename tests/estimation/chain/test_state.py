@@ -164,13 +164,13 @@ def test_far_beyond_a_limit_what_is_left_lies_at_the_limit(mean):
 def test_a_joint_beyond_its_limit_is_brought_back_and_takes_along_what_goes_with_it():
     m = 1
     P = np.array([[0.04, 0.03, 0.0], [0.03, 0.09, 0.0], [0.0, 0.0, 1.0]])
-    motion, slopes, h, Ph = np.empty((3, m)), np.empty((3, m, 3)), np.empty(3), np.empty(3)
+    motion, slopes, h = np.empty((3, m)), np.empty((3, m, 3)), np.empty(3)
     limits = np.array([[-1.0, 1.0]])
     x, inside = np.array([1.2, 0.5, 0.3]), np.array([0.9, 0.5, 0.3])
     before = P.copy()
-    hold(inside, P, no_effect(3, 1, (1, 1)), held_by(limits), motion, slopes, h, Ph)
+    hold(inside, P, no_effect(3, 1, (1, 1)), held_by(limits), motion, slopes, h)
     np.testing.assert_array_equal(P, before)  # within its limits nothing is done
-    hold(x, P, no_effect(3, 1, (1, 1)), held_by(limits), motion, slopes, h, Ph)
+    hold(x, P, no_effect(3, 1, (1, 1)), held_by(limits), motion, slopes, h)
     expected = truncnorm.mean(-11, -1, 1.2, 0.2)
     assert x[0] == pytest.approx(expected, abs=1e-6) and x[0] < 1.0
     assert x[1] == pytest.approx(0.5 + 0.03 / 0.04 * (expected - 1.2), abs=1e-6)
@@ -184,8 +184,8 @@ def test_a_joint_that_nothing_is_known_of_is_known_by_its_limits():
     m = 1
     x, P = np.array([0.4, 0.0, 0.0]), np.diag([9.0, 1.0, 1.0])
     P[0, 1] = P[1, 0] = 1.5
-    motion, slopes, h, Ph = np.empty((3, m)), np.empty((3, m, 3)), np.empty(3), np.empty(3)
-    hold(x, P, no_effect(3, 1, (1, 1)), held_by(np.array([[-1.0, 1.0]])), motion, slopes, h, Ph)
+    motion, slopes, h = np.empty((3, m)), np.empty((3, m, 3)), np.empty(3)
+    hold(x, P, no_effect(3, 1, (1, 1)), held_by(np.array([[-1.0, 1.0]])), motion, slopes, h)
     assert x[0] == pytest.approx(truncnorm.mean(-1.4 / 3, 0.2, 0.4, 3.0), abs=1e-6)
     assert P[0, 0] == pytest.approx(truncnorm.var(-1.4 / 3, 0.2, 0.4, 3.0), abs=1e-6)
     assert (np.linalg.eigvalsh(P) > 0).all()

@@ -156,6 +156,11 @@ TEMPLATES = {
         "which puts the angle of {joint} off by about {off_deg:.1f} deg; measure where they sit, "
         "or have it fitted by estimate.chain.placement",
     ),
+    "chain.uncertain": Template(
+        NOTE,
+        "little tells of the angles of {joints}: their standard uncertainty is up to "
+        "{sd_deg:.1f} deg",
+    ),
     "chain.lost_though_fitted": Template(
         WARNING,
         "the chain filter is lost though the placement was fitted: by the sensors' own readings "
@@ -163,7 +168,9 @@ TEMPLATES = {
         "does not fit",
     ),
     "chain.placement_unsettled": Template(
-        WARNING, "the fit of the sensors' placement did not settle; its values are rough"
+        WARNING,
+        "the chain filter is lost: the fit of the sensors' placement did not settle; state the "
+        "start pose or the placement better, or record a motion that shows more",
     ),
     "chain.placement_held": Template(
         NOTE,
