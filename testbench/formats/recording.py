@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from testbench.clock import Clock, utc_text
 from testbench.consistency import Consistency, refuse_contradictions
+from testbench.consistency.checks import Up
 from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.formats.dates import Recorded
 from testbench.frames import NANOSECONDS
@@ -146,10 +147,11 @@ def write_recording(
             writer.add_text(name, text)
         for name, sensor in recording.sensors.items():
             consistency = Consistency()
+            up = Up(sensor.details.get("hemisphere"), by_truth=sensor.truth is not None)
             counts[name], first, last = _write_samples(
                 out / table_file(imu_stream(name)), consistency.watch(sensor.chunks)
             )
-            own = consistency.findings()
+            own = consistency.findings(up)
             if recording.answered is not None:
                 refuse_contradictions(name, own, recording.answered)
             findings += [one.at(name) for one in own]

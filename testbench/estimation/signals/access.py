@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.consistency import Consistency
+from testbench.consistency.checks import Up
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
 from testbench.estimation.signals.doubtful import BIT, CLIPPED_RATE, Belief, Gates, without
@@ -96,11 +97,14 @@ class SampleAccess(ABC):
     every: int
     _consistency: Consistency
 
-    def contradictions(self) -> list[Finding]:
+    def contradictions(self, up: Up) -> list[Finding]:
         """What the quantities say of one another, as they were read: no stored calibration is in
         them, and no sample that a gate refuses.
+
+        Args:
+            up: What is known of the vertical beside them.
         """
-        return self._consistency.findings()
+        return self._consistency.findings(up)
 
     @abstractmethod
     def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:

@@ -61,6 +61,9 @@ def read(files: list[Path], options: Options) -> Recording:
         )
         for one in meant
     }
+    if spec.hemisphere is not None:
+        for one in mapped.values():
+            one.sensor.details["hemisphere"] = spec.hemisphere
     unused = [file.name for file in files if file not in opened.used]
     if unused:
         raise InputError(f"{', '.join(sorted(unused))}: no sensor of the mapping reads it")
