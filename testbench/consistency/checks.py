@@ -113,6 +113,7 @@ class Looked:
         self.findings.append(finding(f"consistency.{code}", "", **values))
 
 
+# Complex by the quantities that may be missing, each of which ends a check.
 def check_excerpt(excerpt: Excerpt, up: Up = UNKNOWN_UP) -> list[Finding]:
     """What does not agree in an excerpt of a recording.
 

@@ -118,7 +118,13 @@ class Pair:
 
     @staticmethod
     def all_of(excerpt: Excerpt, vectors: np.ndarray, seconds: float) -> list[Pair]:
-        """Likewise in each kind of windows, those in which the maps are furthest apart first."""
+        """Likewise in each kind of windows, those in which the maps are furthest apart first.
+
+        Args:
+            excerpt: Of the recording.
+            vectors: Of the accelerometer or magnetometer, shape (n, 3).
+            seconds: Of a step.
+        """
         choices = [find_windows(excerpt, vectors, seconds, bins) for bins in BINS]
         if vectors is excerpt.acc:
             choices.append(find_strides(excerpt, seconds))
@@ -302,7 +308,7 @@ def read_against(
         excerpt: Of the recording.
         vectors: Of the accelerometer or magnetometer, shape (n, 3).
         seconds: Of a step.
-        rest_bias: As for `read_gyroscope`.
+        rest_bias: What the gyroscope reads at rest, shape (3,) [rad/s]; None if it never rests.
         scales: Only windows in which one of these shows turning, in `FEW_WINDOWS`; any if empty.
     """
     first = None

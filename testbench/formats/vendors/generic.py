@@ -23,6 +23,7 @@ from testbench.records.specs.protocol import Analysis, Body, Segment
 from testbench.records.specs.protocol_chain import ChainEstimation
 
 
+# Long by the steps from a mapping to its sensors, one after the other.
 def read(files: list[Path], options: Options) -> Recording:
     """Read files as a mapping says.
 
