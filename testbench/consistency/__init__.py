@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 
-from testbench.consistency.checks import CONTRADICTIONS, check_excerpt
+from testbench.consistency.checks import CONTRADICTIONS, UNKNOWN_UP, Up, check_excerpt
 from testbench.consistency.excerpt import Thinner, thin
 from testbench.exceptions import InputError
 from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples
 
 
-def check_samples(chunks: Iterable[ImuSamples]) -> list[Finding]:
+def check_samples(chunks: Iterable[ImuSamples], up: Up = UNKNOWN_UP) -> list[Finding]:
     """What the quantities of a sensor say of one another, without a truth.
 
     Args:
         chunks: All its samples in the order of time, in the units of a session.
+        up: What is known of the vertical beside them.
     """
     excerpt = thin(chunks)
-    return [] if excerpt is None else check_excerpt(excerpt)
+    return [] if excerpt is None else check_excerpt(excerpt, up)
 
 
 class Consistency:
@@ -41,10 +42,14 @@ class Consistency:
             self.look(chunk)
             yield chunk
 
-    def findings(self) -> list[Finding]:
-        """What was noticed of the chunks that went by; see `check_samples`."""
+    def findings(self, up: Up = UNKNOWN_UP) -> list[Finding]:
+        """What was noticed of the chunks that went by; see `check_samples`.
+
+        Args:
+            up: What is known of the vertical beside them.
+        """
         excerpt = self._thinner.excerpt()
-        return [] if excerpt is None else check_excerpt(excerpt)
+        return [] if excerpt is None else check_excerpt(excerpt, up)
 
 
 def refuse_contradictions(

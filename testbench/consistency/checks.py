@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
+from typing import Literal
 
 import numpy as np
 
 from testbench.consistency.excerpt import HIGHEST_RATE_HZ, Excerpt
-from testbench.consistency.fits import DEG, NEIGHBOURS, Pair, Reading, read_gyroscope
+from testbench.consistency.fits import DEG, NEIGHBOURS, Reading, read_against
 from testbench.consistency.gain import Gain, find_gain
-from testbench.consistency.orientation import Read, heading_axis, read_orientation
+from testbench.consistency.orientation import (
+    Read,
+    has_orientation,
+    heading_axis,
+    height_of_field,
+    read_orientation,
+)
 from testbench.consistency.rests import Rests, find_rests
+from testbench.consistency.times import read_at_other_times
 from testbench.consistency.turning import IDENTITY, MAPS, names_of
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.records.findings.catalogue import finding
@@ -19,8 +27,10 @@ from testbench.records.findings.finding import Finding
 
 LOWEST_RATE_HZ = 1.0
 """Below, a rate is asked about: turns cannot be followed at less."""
-USUAL_RATES_HZ = (8.0, 4_000.0)
-"""Rates that a unit of time must lead to."""
+FEWEST, CLEARLY_MORE = 3.0, 0.05
+"""Another unit of time must fit in so many windows that do not overlap, and explain so much more
+than another unit of the gyroscope does.
+"""
 TIME_UNITS = {1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
 GRAVITY_WITHIN = 0.35
 """|acc| at rest may differ from gravity by so much: parts without calibration are wrong by 10 %."""
@@ -45,6 +55,8 @@ EARTH_FIELD_UT = (22.0, 67.0)
 FIELD_BETWEEN_UT = (8.0, 200.0)
 """Between these, iron near the sensor may explain a reading [uT]."""
 MAG_UNITS = {"nT": 1e-3, "mT": 1e3, "G": 100.0, "mG": 0.1}
+LEAST_DIP = np.radians(20)
+"""Less than this a field hardly tells up from down: near the magnetic equator, or disturbed."""
 ACC_UNITS = {"g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000}
 CONTRADICTIONS = {
     "consistency.time_unit": {"time"},
@@ -59,6 +71,22 @@ CONTRADICTIONS = {
 """Findings on what cannot be right, and the quantities whose unit, if a person states it, confirms
 it all the same.
 """
+
+
+@dataclass(frozen=True)
+class Up:
+    """What is known of the vertical beside the samples of a sensor.
+
+    Attributes:
+        hemisphere: Where they were recorded, None where nobody says.
+        by_truth: Whether they are compared with a truth, which tells up from down.
+    """
+
+    hemisphere: Literal["north", "south"] | None = None
+    by_truth: bool = False
+
+
+UNKNOWN_UP = Up()
 
 
 @dataclass
@@ -85,33 +113,44 @@ class Looked:
         self.findings.append(finding(f"consistency.{code}", "", **values))
 
 
-def check_excerpt(excerpt: Excerpt) -> list[Finding]:
+# Complex by the quantities that may be missing, each of which ends a check.
+def check_excerpt(excerpt: Excerpt, up: Up = UNKNOWN_UP) -> list[Finding]:
     """What does not agree in an excerpt of a recording.
 
     Args:
         excerpt: Of it, in the units of a session.
+        up: What is known of the vertical beside the samples.
     """
     looked = Looked(excerpt, excerpt.interval_ns * excerpt.samples / NANOSECONDS, [], [])
     has_acc = bool(np.isfinite(excerpt.acc).any())
     has_gyr = bool(np.isfinite(excerpt.gyr).any())
-    if looked.seconds <= 0 or not (has_acc or has_gyr):
+    if looked.seconds <= 0:
         return []
+    if not has_acc and has_orientation(excerpt):
+        looked.unchecked.append("orientation")
+    if not (has_acc or has_gyr):
+        return _with_unchecked(looked)
     if not check_time(looked):
         return looked.findings
     looked.rests = find_rests(excerpt, looked.seconds)
     if has_acc and has_gyr:
-        pair = Pair.of(excerpt, excerpt.acc, looked.seconds)
-        looked.by_gravity = None if pair is None else read_gyroscope(pair, looked.rests.bias)
-        if pair is not None and looked.by_gravity is not None:
-            looked.gain = _gain(looked, pair, looked.by_gravity)
+        looked.by_gravity = read_against(excerpt, excerpt.acc, looked.seconds, looked.rests.bias)
+        if _tell_other_time(looked):
+            return looked.findings
+        if looked.by_gravity is not None:
+            looked.gain = _gain(looked, looked.by_gravity)
     if has_acc and not _check_gravity(looked):
         return looked.findings
     if has_acc and has_gyr:
         _check_gyroscope(looked)
     if excerpt.mag is not None and np.isfinite(excerpt.mag).any():
         _check_field(looked, has_gyr)
-    if excerpt.device_q is not None and has_acc and np.isfinite(excerpt.device_q).any():
-        _check_orientation(looked)
+    if has_acc:
+        _check_up(looked, up)
+    return _with_unchecked(looked)
+
+
+def _with_unchecked(looked: Looked) -> list[Finding]:
     if looked.unchecked:
         looked.tell("unchecked", what=looked.unchecked, in_short=_in_short(looked.unchecked))
     return looked.findings
@@ -122,14 +161,8 @@ def check_time(looked: Looked) -> bool:
     rate = looked.excerpt.samples / looked.seconds
     if LOWEST_RATE_HZ <= rate <= HIGHEST_RATE_HZ:
         return True
-    lowest, highest = USUAL_RATES_HZ
-    powers = [10.0**power for power in range(-9, 10)]
-    fits = {
-        factor: _turning_at(looked, factor)
-        for factor in powers
-        if lowest <= rate / factor <= highest
-    }
-    fitting = [factor for factor, fit in fits.items() if fit]
+    readings = read_at_other_times(looked.excerpt, looked.seconds)
+    fitting = [factor for factor, one in readings.items() if one.turns and one.scale in (1.0, DEG)]
     if len(fitting) == 1:
         factor = fitting[0]
         looked.tell(
@@ -144,18 +177,27 @@ def check_time(looked: Looked) -> bool:
     return False
 
 
-def _turning_at(looked: Looked, factor: float) -> bool:
-    """Whether gravity turns as the gyroscope says, if the time is so many times what the stamps
-    say.
+def _tell_other_time(looked: Looked) -> bool:
+    """Tell of a unit of time in which gravity turns as the gyroscope says, where it does not in
+    that which was taken, and whether there is one.
     """
-    excerpt, seconds = looked.excerpt, looked.seconds * factor
-    if not (np.isfinite(excerpt.acc).any() and np.isfinite(excerpt.gyr).any()):
+    own = looked.by_gravity
+    if own is not None and own.turns and (own.scale == 1.0 or own.explained > 1 - CLEARLY_MORE):
         return False
-    pair = Pair.of(excerpt, excerpt.acc, seconds)
-    if pair is None:
+    readings = read_at_other_times(looked.excerpt, looked.seconds)
+    fitting = {
+        factor: one.explained
+        for factor, one in readings.items()
+        if one.turns and one.scale == 1.0 and one.fits_as_is and one.scatter.independent >= FEWEST
+    }
+    if not fitting:
         return False
-    reading = read_gyroscope(pair, find_rests(excerpt, seconds).bias)
-    return reading.turns and reading.scale in (1.0, DEG)
+    factor = max(fitting, key=lambda one: fitting[one])
+    if own is not None and own.turns and fitting[factor] < own.explained + CLEARLY_MORE:
+        return False
+    rate = looked.excerpt.samples / looked.seconds
+    looked.tell("gyr_or_time_unit", factor=factor, rate_hz=rate, other_rate_hz=rate / factor)
+    return True
 
 
 def _check_gyroscope(looked: Looked) -> None:
@@ -182,11 +224,11 @@ def _check_gyroscope(looked: Looked) -> None:
             for name, maps in KINDS.items()
             if maps & open_maps
         ]
-    if not reading.turns:
+    if not reading.turns or (reading.scale == 1.0 and reading.scale_open):
         looked.unchecked.append("gyroscope against accelerometer: scale")
 
 
-def _gain(looked: Looked, pair: Pair, reading: Reading) -> Gain | None:
+def _gain(looked: Looked, reading: Reading) -> Gain | None:
     """How far gravity turns for what the gyroscope says, where its axes are in doubt by nothing
     else.
     """
@@ -194,7 +236,7 @@ def _gain(looked: Looked, pair: Pair, reading: Reading) -> Gain | None:
     of_units = reading.scale not in (1.0, *NEIGHBOURS)
     if of_units or reading.one_axis or (reading.turns and not reading.fits_as_is):
         return None
-    return find_gain(pair, np.zeros(3) if looked.rests.bias is None else looked.rests.bias)
+    return find_gain(reading.pair, np.zeros(3) if looked.rests.bias is None else looked.rests.bias)
 
 
 def _in_short(unchecked: list[str]) -> str:
@@ -349,11 +391,10 @@ def _check_field(looked: Looked, has_gyr: bool) -> None:
     gravity = looked.by_gravity
     if not has_gyr or (gravity is not None and gravity.scale != 1.0):
         return
-    pair = Pair.of(looked.excerpt, mag, looked.seconds)
-    if pair is None:
+    reading = read_against(looked.excerpt, mag, looked.seconds, looked.rests.bias)
+    if reading is None:
         looked.unchecked.append("magnetometer: axes")
         return
-    reading = read_gyroscope(pair, looked.rests.bias)
     _judge_field(looked, reading, gravity)
 
 
@@ -374,6 +415,30 @@ def _judge_field(looked: Looked, reading: Reading, gravity: Reading | None) -> N
         return  # what the accelerometer says of the gyroscope, too
     if np.linalg.det(best) > 0:
         looked.tell("mag_axes", axes=[names_of(sign * best.T) for sign in (1, -1)])
+
+
+def _check_up(looked: Looked, up: Up) -> None:
+    """Sign of the accelerometer: whatever turns, the opposite of gravity turns likewise. It is told
+    by an orientation, or by the field, which points down in the north and up in the south.
+    """
+    excerpt = looked.excerpt
+    if has_orientation(excerpt):
+        _check_orientation(looked)
+        return
+    height = None if excerpt.mag is None else height_of_field(excerpt.acc, excerpt.mag)
+    if up.hemisphere is None or height is None or abs(height) < LEAST_DIP:
+        if not up.by_truth:
+            looked.unchecked.append("accelerometer: sign")
+    elif (height < 0) != (up.hemisphere == "north") and not looked.findings:
+        points = ("down", "up") if height < 0 else ("up", "down")
+        degrees = abs(float(np.degrees(height)))
+        looked.tell(
+            "acc_or_mag_negated",
+            dip_deg=degrees,
+            points=points[0],
+            expected=points[1],
+            hemisphere=up.hemisphere,
+        )
 
 
 def _check_orientation(looked: Looked) -> None:

@@ -17,13 +17,15 @@ from testbench.records.session.samples import ImuSamples
 
 STEPS_PER_S = 100
 """Steps of an excerpt a second, at most about so many: turning at 1000 deg/s is 10 deg a step."""
+FINE_STEPS_PER_S, FINE_ABOVE_HZ = 1000, 800.0
+"""And where the stamps give so high a rate: they may say 10 times as much as is true."""
 HIGHEST_RATE_HZ = 20_000.0
 """Beyond, the unit of time is in doubt: none gives more (ICM-42688-P: 32 kHz, of its gyroscope
 alone).
 """
-STRETCH_STEPS = 1024
-"""Steps that are kept or dropped together, about 10 s."""
-MOST_STEPS = 120 * STRETCH_STEPS
+STRETCH_S = 10.24
+"""What is kept or dropped together, by the stamps."""
+MOST_STEPS = 120 * 1024
 """Steps kept of a recording, 20 min at 100 Hz; the memory of the checks, and their time."""
 ABSURD = 1e9
 """A number beyond this is no reading in any unit; the mean of any with one is not used, either."""
@@ -67,14 +69,14 @@ class Thinner:
     """Takes chunks of samples as they go by, and keeps an excerpt of them."""
 
     def __init__(self) -> None:
-        self._each = 0
+        self._each = self._stretch = 0
         self._parts: list[dict[str, np.ndarray]] = []
         self._kept = self._zeros = self._count = 0
 
     def add(self, chunk: ImuSamples) -> None:
         """Take the next samples."""
         if not self._each:
-            self._each = _samples_of_step(chunk.device_time_ns)
+            self._each, self._stretch = _steps_of(chunk.device_time_ns)
         each = self._each
         count = len(chunk) // each
         # the samples of an incomplete step at the end of a chunk are left out
@@ -118,16 +120,17 @@ class Thinner:
     def _prune(self) -> None:
         """Keep the stretches that turn most, and of the rest some that are evenly spread."""
         whole = _joined(self._parts)
-        count = len(whole["time_ns"]) // STRETCH_STEPS
-        turning = np.linalg.norm(whole["gyr"][: count * STRETCH_STEPS], axis=1)
+        stretch = self._stretch
+        count = len(whole["time_ns"]) // stretch
+        turning = np.linalg.norm(whole["gyr"][: count * stretch], axis=1)
         turning = np.where(np.isfinite(turning), turning, 0.0).reshape(count, -1)
-        wanted = MOST_STEPS // STRETCH_STEPS
+        wanted = MOST_STEPS // stretch
         best = np.argsort(-turning.std(axis=1))[: wanted * 3 // 4]
         others = np.setdiff1d(np.arange(count), best)
         spread = others[np.linspace(0, len(others) - 1, wanted // 4).astype(int)]
         kept = np.unique(np.concatenate([best, spread]))
-        rows = (kept[:, None] * STRETCH_STEPS + np.arange(STRETCH_STEPS)).ravel()
-        whole["follows"][::STRETCH_STEPS] = False
+        rows = (kept[:, None] * stretch + np.arange(stretch)).ravel()
+        whole["follows"][::stretch] = False
         self._parts = [{name: values[rows] for name, values in whole.items()}]
         self._kept = len(rows)
 
@@ -153,13 +156,15 @@ class Thinner:
         )
 
 
-def _samples_of_step(time_ns: np.ndarray) -> int:
-    """How many samples make a step; one where the rate cannot be that of a sensor, so that its
-    unit of time is in doubt.
+def _steps_of(time_ns: np.ndarray) -> tuple[int, int]:
+    """How many samples make a step, and how many steps a stretch; a step has one where the rate
+    cannot be that of a sensor, so that its unit of time is in doubt.
     """
     span = float(time_ns[-1] - time_ns[0]) if len(time_ns) > 1 else 0.0
     rate = (len(time_ns) - 1) * NANOSECONDS / span if span > 0 else 0.0
-    return max(round(rate / STEPS_PER_S), 1) if rate < HIGHEST_RATE_HZ else 1
+    steps = STEPS_PER_S if rate < FINE_ABOVE_HZ else FINE_STEPS_PER_S
+    each = max(round(rate / steps), 1) if rate < HIGHEST_RATE_HZ else 1
+    return each, round(STRETCH_S * steps)
 
 
 def thin(chunks: Iterable[ImuSamples]) -> Excerpt | None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from testbench.consistency.excerpt import Excerpt
+from testbench.consistency.strides import find_strides
 from testbench.consistency.turning import (
     BINS,
-    BLOCKS,
     IDENTITY,
     MAPS,
     Windows,
@@ -113,34 +114,46 @@ class Pair:
             vectors: Of the accelerometer or magnetometer, shape (n, 3).
             seconds: Of a step.
         """
-        pairs = [Pair._within(excerpt, vectors, seconds, bins) for bins in BINS]
-        longer = [pair for pair in pairs if pair is not None]
-        if not longer:
-            return Pair._within(excerpt, vectors, seconds, 1)
-        return longer[0] if len(longer) == 1 else max(longer, key=Pair.contrast)
+        return next(iter(Pair.all_of(excerpt, vectors, seconds)), None)
 
     @staticmethod
-    def _within(
-        excerpt: Excerpt, vectors: np.ndarray, seconds: float, together: int
-    ) -> Pair | None:
-        """In windows whose blocks have so many bins; None if there are too few."""
-        windows = find_windows(excerpt, vectors, seconds, together)
-        if len(windows.starts) < LEAST_WINDOWS:
+    def all_of(excerpt: Excerpt, vectors: np.ndarray, seconds: float) -> list[Pair]:
+        """Likewise in each kind of windows, those in which the maps are furthest apart first.
+
+        Args:
+            excerpt: Of the recording.
+            vectors: Of the accelerometer or magnetometer, shape (n, 3).
+            seconds: Of a step.
+        """
+        choices = [find_windows(excerpt, vectors, seconds, bins) for bins in BINS]
+        if vectors is excerpt.acc:
+            choices.append(find_strides(excerpt, seconds))
+        found = [Pair._within(excerpt, vectors, windows) for windows in choices]
+        pairs = [pair for pair in found if pair is not None]
+        if not pairs:
+            short = Pair._within(excerpt, vectors, find_windows(excerpt, vectors, seconds, 1))
+            return [] if short is None else [short]
+        return sorted(pairs, key=Pair.contrast, reverse=True) if len(pairs) > 1 else pairs
+
+    @staticmethod
+    def _within(excerpt: Excerpt, vectors: np.ndarray, windows: Windows) -> Pair | None:
+        """In some windows; None if there are too few."""
+        if len(windows) < LEAST_WINDOWS:
             return None
-        length = np.linalg.norm(vectors[windows.steps[:, ::7].ravel()], axis=1)
+        length = np.linalg.norm(vectors[windows.covered(len(vectors))], axis=1)
         usual = float(np.median(length))
         return Pair(excerpt.gyr, vectors, windows, usual) if usual > 0 else None
 
     def contrast(self) -> float:
         """How far apart the fits of the maps are."""
-        some = self.some(FEW_WINDOWS).scatter()
+        some = self.few.scatter()
         apart = float(some.logs.mean() - some.logs.mean(axis=1).min())
         return apart * float(np.sqrt(self.windows.independent))
 
     def blocks(
         self, scale: float = 1.0, bias: np.ndarray | None = None, maps: np.ndarray = MAPS
     ) -> np.ndarray:
-        """Mean vectors in a frame that does not turn, shape (r, w, BLOCKS, 3).
+        """Mean vectors in a frame that does not turn, shape (r, w, b, 3).
 
         Args:
             scale: Rates are taken so many times.
@@ -159,19 +172,25 @@ class Pair:
         """The same in fewer windows."""
         return replace(self, windows=self.windows.some(most))
 
+    @cached_property
+    def few(self) -> Pair:
+        """The same in `FEW_WINDOWS`."""
+        return self.some(FEW_WINDOWS)
+
     def turning(self, bias: np.ndarray) -> np.ndarray:
         """Angle that the gyroscope goes through in each window, shape (w,) [rad].
 
         Args:
             bias: Taken off the rates first, shape (3,) [rad/s].
         """
-        rates = np.linalg.norm(self.gyr[self.windows.steps] - bias, axis=2)
-        return np.asarray(rates.sum(axis=1) * self.windows.seconds)
+        rates = np.nan_to_num(np.linalg.norm(self.gyr - bias, axis=1))
+        angle = np.concatenate([[0.0], np.cumsum(rates)]) * self.windows.seconds
+        return np.asarray(angle[self.windows.ends[:, -1]] - angle[self.windows.begins[:, 0]])
 
     @property
     def about_one_axis(self) -> bool:
         """Whether all turning is about one axis of the sensor."""
-        rates = self.gyr[self.windows.steps].reshape(-1, 3)
+        rates = self.gyr[self.windows.covered(len(self.gyr))]
         spread = np.linalg.eigvalsh(np.cov((rates - np.median(rates, axis=0)).T))
         return bool(spread[1] < ONE_AXIS * spread[2])
 
@@ -194,7 +213,7 @@ class Pair:
         too fast a turning would else make all means small, and alike.
 
         Args:
-            blocks: As `blocks` gives them, shape (r, w, BLOCKS, 3).
+            blocks: As `blocks` gives them, shape (r, w, b, 3).
         """
         mean = blocks.mean(axis=2)
         left = ((blocks - mean[:, :, None]) ** 2).sum(axis=3).mean(axis=2)
@@ -221,7 +240,9 @@ class Pair:
                 axis=-1,
             )
             # windows that something shakes count less
-            weight = 1 / (np.sum(begin**2, axis=(1, 2)) / BLOCKS + (FLOOR * self.usual) ** 2)
+            weight = 1 / (
+                np.sum(begin**2, axis=(1, 2)) / begin.shape[1] + (FLOOR * self.usual) ** 2
+            )
             left = np.einsum("w,wbik,wbil->kl", weight, slopes, slopes)
             right = np.einsum("w,wbik,wbi->k", weight, slopes, begin)
             prior = np.eye(3) * self.windows.independent / np.radians(10) ** 2
@@ -238,6 +259,7 @@ class Reading:
     """The reading of a gyroscope that fits another triad best, and whether as it is will do.
 
     Attributes:
+        pair: That was compared.
         scatter: By the 48 maps, at the scale and the bias.
         scale: By which rates fit best, of those tried.
         bias: Shape (3,) [rad/s].
@@ -245,14 +267,18 @@ class Reading:
         turning: Angle that the gyroscope goes through in each window, shape (w,) [rad].
         one_axis: Whether all turning is about one axis. Accelerations of a pendulum go with it, and
             a reading that puts that axis along gravity fits them as well as the right one.
+        explained: Part of the scatter that turning explains.
     """
 
+    pair: Pair
     scatter: Scatter
     scale: float
     bias: np.ndarray
     turns: bool
     turning: np.ndarray
     one_axis: bool
+    explained: float
+    scale_open: bool
 
     @property
     def fits_as_is(self) -> bool:
@@ -265,8 +291,49 @@ FEW_WINDOWS = 60
 DEG = np.pi / 180
 NEIGHBOURS = (0.5, 2.0)
 """Scales of neighbouring range settings, and of a sampling rate told wrongly."""
-SCALES = (*NEIGHBOURS, DEG, 1 / DEG, DEG / 1000, 1000 / DEG, 1e-3, 1e3)
+SCALES = (*NEIGHBOURS, DEG, 1 / DEG, DEG / 1000, 1000 / DEG, 1e-3, 1e3, 0.01, 0.1, 10.0, 100.0)
 """Those of units of the rate, and of time."""
+
+
+def read_against(
+    excerpt: Excerpt,
+    vectors: np.ndarray,
+    seconds: float,
+    rest_bias: np.ndarray | None,
+    scales: tuple[float, ...] = (),
+) -> Reading | None:
+    """The reading of a gyroscope by the first kind of windows that shows one; None without windows.
+
+    Args:
+        excerpt: Of the recording.
+        vectors: Of the accelerometer or magnetometer, shape (n, 3).
+        seconds: Of a step.
+        rest_bias: What the gyroscope reads at rest, shape (3,) [rad/s]; None if it never rests.
+        scales: Only windows in which one of these shows turning, in `FEW_WINDOWS`; any if empty.
+    """
+    first = None
+    for pair in Pair.all_of(excerpt, vectors, seconds):
+        if scales:
+            pair = pair.few
+            if not _may_turn(pair, rest_bias, scales):
+                continue
+        reading = read_gyroscope(pair, rest_bias)
+        if reading.turns:
+            return reading
+        first = reading if first is None else first
+    return first
+
+
+def _may_turn(pair: Pair, rest_bias: np.ndarray | None, scales: tuple[float, ...]) -> bool:
+    """Whether any map fits at one of these scales better than that nothing turns."""
+    nothing = pair.scatter(0.0, maps=MAPS[:1]).logs[0].mean()
+    for scale in scales:
+        bias = rest_bias
+        if bias is None:
+            bias = pair.fitted_bias(scale, MAPS[IDENTITY], np.zeros(3))
+        if _least(pair.scatter(scale, bias)) < nothing - LEAST_RATIO:
+            return True
+    return False
 
 
 def read_gyroscope(pair: Pair, rest_bias: np.ndarray | None) -> Reading:
@@ -283,7 +350,7 @@ def read_gyroscope(pair: Pair, rest_bias: np.ndarray | None) -> Reading:
     sure = found.best == IDENTITY and is_clear(nothing, found.logs[IDENTITY], found.independent)
     tried = [(1.0, found)]
     if not sure or not _is_right_scale(pair, bias, rest_bias is None):
-        some = pair.some(FEW_WINDOWS)
+        some = pair.few
         likely = [scale for scale in SCALES if _least(some.scatter(scale, bias)) < _least(found)]
         tried += [(scale, _with_bias(pair, scale, bias, within)) for scale in likely]
     scale, scatter = min(
@@ -291,9 +358,12 @@ def read_gyroscope(pair: Pair, rest_bias: np.ndarray | None) -> Reading:
         key=lambda one: _least(one[1]),
     )
     best = scatter.logs[scatter.best]
-    turns = is_clear(nothing, best, scatter.independent) and _explained(nothing, best)
+    turns = is_clear(nothing, best, scatter.independent)
+    turns = turns and _explained(nothing, best) >= LEAST_EXPLAINED
     turning = pair.turning(bias) * (scale if turns else 1.0)
-    return Reading(scatter, scale, bias, turns, turning, pair.about_one_axis)
+    explained, is_open = _explained(nothing, best), _is_open(pair, scale, bias)
+    one_axis = pair.about_one_axis
+    return Reading(pair, scatter, scale, bias, turns, turning, one_axis, explained, is_open)
 
 
 def _least(scatter: Scatter) -> float:
@@ -311,20 +381,29 @@ def _is_another_scale(found: Scatter, other: Scatter) -> bool:
     return gain >= LEAST_SCALE_RATIO and is_clear(own, best, found.independent)
 
 
-def _explained(nothing: np.ndarray, best: np.ndarray) -> bool:
-    """Whether turning explains enough of what would scatter if nothing turned.
+def _explained(nothing: np.ndarray, best: np.ndarray) -> float:
+    """The part that turning explains of what would scatter if nothing turned.
 
     Args:
         nothing: Logarithms of the scatter, shape (w,).
         best: Likewise of the best reading.
     """
     beyond = np.exp([float(nothing.mean()), float(best.mean())]) - FLOOR**2
-    return bool(beyond[1] <= (1 - LEAST_EXPLAINED) * beyond[0])
+    return float(1 - beyond[1] / beyond[0]) if beyond[0] > 0 else 0.0
+
+
+def _is_open(pair: Pair, scale: float, bias: np.ndarray) -> bool:
+    """Whether half or twice a scale fits hardly worse, with the axes as they are."""
+    some = pair.few
+    own, *others = (
+        some.scatter(scale * factor, bias, MAPS[:1]).logs[0] for factor in (1.0, *NEIGHBOURS)
+    )
+    return not all(is_clear(other, own, some.windows.independent) for other in others)
 
 
 def _is_right_scale(pair: Pair, bias: np.ndarray, unknown: bool) -> bool:
     """Whether the axes as they are fit at no other scale clearly better."""
-    some = pair.some(FEW_WINDOWS)
+    some = pair.few
     if unknown:
         bias = some.fitted_bias(1.0, MAPS[IDENTITY], bias)
     own = some.scatter(1.0, bias, MAPS[:1]).logs[0]
@@ -341,7 +420,7 @@ def _with_bias(pair: Pair, scale: float, bias: np.ndarray, within: float) -> Sca
         return scatter
     logs, length = scatter.logs.copy(), scatter.length.copy()
     for one in dict.fromkeys([IDENTITY, *scatter.rivals[:3]]):
-        own = pair.fitted_bias(scale, MAPS[one], bias)
+        own = pair.few.fitted_bias(scale, MAPS[one], bias)
         if np.linalg.norm(own - bias) < within:
             fitted = pair.scatter(scale, own, MAPS[one : one + 1])
             if fitted.logs[0].mean() < logs[one].mean():

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.consistency.fits import FEW_WINDOWS, FLOOR, Pair, is_clear
-from testbench.consistency.turning import BLOCKS
 
 RANGE = (0.4, 2.5)
 """Gains that are looked among; beyond, they are those of another range, or rate."""
@@ -77,7 +76,7 @@ def _refined(pair: Pair, gain: float, bias: np.ndarray) -> tuple[float, np.ndarr
         slopes = [(_deviations(pair, gain, bias + step * axis) - now) / step for axis in np.eye(3)]
         slope = np.stack([turned, *slopes], axis=-1)
         # windows that something shakes count less
-        variance = np.sum(now**2, axis=(1, 2)) / BLOCKS + (FLOOR * pair.usual) ** 2
+        variance = np.sum(now**2, axis=(1, 2)) / now.shape[1] + (FLOOR * pair.usual) ** 2
         weight = pair.windows.independent / len(variance) / variance
         left = np.einsum("w,wbik,wbil->kl", weight, slope, slope)
         left[1:, 1:] += np.eye(3) / PRIOR_BIAS**2

@@ -123,6 +123,26 @@ def _same_rates(q: np.ndarray, gyr: np.ndarray, seconds: float) -> bool | None:
     return True if off < RATES_AGREE else False if off > RATES_DIFFER else None
 
 
+def has_orientation(excerpt: Excerpt) -> bool:
+    """Whether there is any orientation of the device."""
+    return excerpt.device_q is not None and bool(np.isfinite(excerpt.device_q).any())
+
+
+def height_of_field(acc: np.ndarray, mag: np.ndarray) -> float | None:
+    """How far the magnetic field usually points up from level, None if unknown [rad].
+
+    Args:
+        acc: Specific force, shape (n, 3).
+        mag: Field in the same axes, shape (n, 3).
+    """
+    product = np.linalg.norm(acc, axis=1) * np.linalg.norm(mag, axis=1)
+    known = np.isfinite(product) & (product > 0)
+    if not known.any():
+        return None
+    sines = np.einsum("ij,ij->i", acc[known], mag[known]) / product[known]
+    return float(np.arcsin(np.clip(np.median(sines), -1, 1)))
+
+
 def heading_axis(excerpt: Excerpt) -> str | None:
     """Which axis of the earth of the orientation the magnetic field points along: "x" or "y", None
     where neither is near.

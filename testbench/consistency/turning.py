@@ -13,6 +13,7 @@ that mirrors is minus a rotation, and needs the integral of -w: two passes for 4
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import permutations, product
 
 import numpy as np
@@ -68,35 +69,56 @@ class Windows:
     """Windows of an excerpt that can be integrated over.
 
     Attributes:
-        starts: Their first bins, shape (w,).
-        size: Steps of a bin.
+        begins: First row of each bin of each window, shape (w, k); a bin begins where the one
+            before it ends.
+        ends: Row after the last of each, shape (w, k).
+        weights: Of each bin in the mean of each block, shape (w, b, k).
         seconds: Of a step.
-        together: Bins of a block.
         independent: How many windows that do not overlap would say as much.
     """
 
-    starts: np.ndarray
-    size: int
+    begins: np.ndarray
+    ends: np.ndarray
+    weights: np.ndarray
     seconds: float
-    together: int
     independent: float
 
-    @property
-    def bins(self) -> np.ndarray:
-        """The bins of each window, shape (w, BLOCKS * together)."""
-        return self.starts[:, None] + np.arange(BLOCKS * self.together)
+    @staticmethod
+    def none(seconds: float) -> Windows:
+        """No windows at all."""
+        nothing = np.zeros((0, 1), dtype=int)
+        return Windows(nothing, nothing, np.zeros((0, 1, 1)), seconds, 0.0)
 
-    @property
-    def steps(self) -> np.ndarray:
-        """Rows of the steps of each window, shape (w, BLOCKS * together * size)."""
-        steps = np.arange(BLOCKS * self.together * self.size)
-        return self.starts[:, None] * self.size + steps
+    def __len__(self) -> int:
+        return len(self.begins)
+
+    @cached_property
+    def bins(self) -> tuple[np.ndarray, np.ndarray]:
+        """First row of each bin and the one after its last, each once, shape (u, 2), and which of
+        them are those of each window, shape (w, k).
+        """
+        count = int(self.ends.max(initial=0)) + 1
+        keys, rows = np.unique(self.begins * count + self.ends, return_inverse=True)
+        return np.stack([keys // count, keys % count], axis=1), rows.reshape(self.begins.shape)
+
+    def covered(self, count: int) -> np.ndarray:
+        """Which of so many rows are in any window, shape (count,), bool."""
+        edges = np.zeros(count + 1, dtype=int)
+        np.add.at(edges, self.begins[:, 0], 1)
+        np.add.at(edges, self.ends[:, -1], -1)
+        return np.asarray(np.cumsum(edges[:-1]) > 0)
 
     def some(self, most: int) -> Windows:
         """At most so many of them, evenly spread."""
-        every = max(-(-len(self.starts) // most), 1)
-        starts = self.starts[::every]
-        return replace(self, starts=starts, independent=min(self.independent, len(starts)))
+        every = slice(None, None, max(-(-len(self) // most), 1))
+        begins = self.begins[every]
+        return replace(
+            self,
+            begins=begins,
+            ends=self.ends[every],
+            weights=np.ascontiguousarray(self.weights[every]),
+            independent=min(self.independent, len(begins)),
+        )
 
 
 def find_windows(excerpt: Excerpt, vectors: np.ndarray, seconds: float, together: int) -> Windows:
@@ -113,22 +135,39 @@ def find_windows(excerpt: Excerpt, vectors: np.ndarray, seconds: float, together
     known = np.isfinite(excerpt.gyr).all(axis=1) & np.isfinite(vectors).all(axis=1)
     n = len(known)
     if size < SHORTEST_STEPS or n < length:
-        return Windows(np.zeros(0, dtype=int), size, seconds, together, 0.0)
+        return Windows.none(seconds)
     bins = n // size - BLOCKS * together + 1
     hop = max(-(-bins // MOST_WINDOWS), 1)
     first = np.arange(0, bins, hop)
     starts = first * size
-    lost = np.concatenate([[0], np.cumsum(~known)])
-    broken = np.concatenate([[0], np.cumsum(~excerpt.follows)])
-    whole = (lost[starts + length] == lost[starts]) & (
-        broken[starts + length] == broken[starts + 1]
-    )
-    lasted = (excerpt.time_ns[starts + length - 1] - excerpt.time_ns[starts]) * 1.0
-    usual = excerpt.interval_ns * excerpt.samples * (length - 1)
-    whole &= np.abs(lasted / usual - 1) < 0.1 if usual > 0 else False
+    whole = are_whole(excerpt, known, starts, starts + length)
     apart = min(hop / (BLOCKS * together), 1.0)
     independent = whole.sum() * apart + 1 - apart
-    return Windows(first[whole], size, seconds, together, independent)
+    begins = starts[whole][:, None] + size * np.arange(BLOCKS * together)
+    weights = np.kron(np.eye(BLOCKS), np.full(together, 1 / together))
+    weights = np.repeat(weights[None], len(begins), axis=0)
+    return Windows(begins, begins + size, weights, seconds, independent)
+
+
+def are_whole(
+    excerpt: Excerpt, known: np.ndarray, begins: np.ndarray, ends: np.ndarray
+) -> np.ndarray:
+    """Which stretches have no gap, shape (m,), bool.
+
+    Args:
+        excerpt: Of the recording.
+        known: Rows where both triads are known, shape (n,), bool.
+        begins: First row of each stretch, shape (m,).
+        ends: Row after its last, shape (m,).
+    """
+    lost = np.concatenate([[0], np.cumsum(~known)])
+    broken = np.concatenate([[0], np.cumsum(~excerpt.follows)])
+    whole = (lost[ends] == lost[begins]) & (broken[ends] == broken[begins + 1])
+    lasted = (excerpt.time_ns[ends - 1] - excerpt.time_ns[begins]) * 1.0
+    usual = excerpt.interval_ns * excerpt.samples * (ends - 1 - begins)
+    if not excerpt.interval_ns > 0:
+        return np.zeros(len(begins), dtype=bool)
+    return np.asarray(whole & (np.abs(lasted - usual) < 0.1 * usual))
 
 
 def sums(
@@ -149,36 +188,35 @@ def sums(
         bias: Taken off the rates first, shape (3,) [rad/s].
 
     Returns:
-        Shape (w, BLOCKS, 3, 3, 3).
+        Shape (w, b, 3, 3, 3).
     """
-    bins = windows.bins
-    used, rows = np.unique(bins, return_inverse=True)
+    used, rows = windows.bins
     mixed, turned = _bins(
         np.ascontiguousarray(rates),
         np.ascontiguousarray(vectors),
-        used * windows.size,
-        windows.size,
+        used,
         windows.seconds * scale,
         np.zeros(3) if bias is None else np.asarray(bias, dtype=float),
     )
-    return np.asarray(_joined(mixed, turned, rows.reshape(bins.shape), windows.together))
+    return np.asarray(_joined(mixed, turned, rows, windows.weights))
 
 
 @njit(cache=True)
-def _bins(rates, vectors, starts, size, seconds, bias):  # type: ignore[no-untyped-def]
+def _bins(rates, vectors, bins, seconds, bias):  # type: ignore[no-untyped-def]
     """Means of R_ij v_k over each bin, R from its first step, and R of the first step after it; the
     bias is taken off the rates, and a step is so many seconds, times the scale of the rates.
     """
-    mixed = np.zeros((len(starts), 3, 3, 3))
-    turned = np.zeros((len(starts), 3, 3))
+    mixed = np.zeros((len(bins), 3, 3, 3))
+    turned = np.zeros((len(bins), 3, 3))
     r = np.eye(3)
-    for number in range(len(starts)):
+    for number in range(len(bins)):
+        begin, end = bins[number, 0], bins[number, 1]
         a, b, c, d = 1.0, 0.0, 0.0, 0.0
         own = mixed[number]
         r[:] = np.eye(3)
-        for row in range(starts[number], starts[number] + size):
+        for row in range(begin, end):
             for k in range(3):
-                v = vectors[row, k] / size
+                v = vectors[row, k] / (end - begin)
                 for i in range(3):
                     for j in range(3):
                         own[i, j, k] += r[i, j] * v
@@ -209,21 +247,25 @@ def _bins(rates, vectors, starts, size, seconds, bias):  # type: ignore[no-untyp
 
 
 @njit(cache=True)
-def _joined(mixed, turned, rows, together):  # type: ignore[no-untyped-def]
-    """Bins one after the other, seen from the beginning of their window."""
+def _joined(mixed, turned, rows, weights):  # type: ignore[no-untyped-def]
+    """Means over blocks of bins that follow one another, seen from the beginning of a window."""
     count, bins = rows.shape
-    whole = np.zeros((count, bins // together, 3, 3, 3))
+    blocks = weights.shape[1]
+    whole = np.zeros((count, blocks, 3, 3, 3))
+    seen = np.zeros((3, 3, 3))
     for w in range(count):
         r = np.eye(3)
         for number in range(bins):
             row = rows[w, number]
-            own = whole[w, number // together]
+            seen[:] = 0.0
             for i in range(3):
                 for j in range(3):
                     for m in range(3):
-                        part = r[i, m] / together
                         for k in range(3):
-                            own[i, j, k] += part * mixed[row, m, j, k]
+                            seen[i, j, k] += r[i, m] * mixed[row, m, j, k]
+            for block in range(blocks):
+                if weights[w, block, number] > 0:
+                    whole[w, block] += weights[w, block, number] * seen
             r = r @ turned[row]
     return whole
 

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from testbench.consistency.checks import Up
 from testbench.estimation.alignment.apart import PieceAlignment, aligned_apart, long_enough
 from testbench.estimation.alignment.axes import findings_on as axes_findings
 from testbench.estimation.alignment.axes import identify_axes
@@ -161,7 +162,9 @@ def prepare_sensor(
     gates = access.quality(static)
     quality = gates.with_flags(motion.lost)
     quiet = static & ~quality.flagged
-    findings = [*findings, *access.contradictions(), *quality.findings, *motion.findings]
+    by_truth = truth is not None or description.driver != "imported"
+    up = Up(description.hemisphere, by_truth=by_truth)
+    findings = [*findings, *access.contradictions(up), *quality.findings, *motion.findings]
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration, told = fit_sections(run, samples, time, quiet, truth)

@@ -321,6 +321,11 @@ class MappingSpec(StrictModel):
     alignment: SegmentAlignment = Field(
         default_factory=SegmentAlignment, description="How the sensors sit on their segments."
     )
+    hemisphere: Literal["north", "south"] | None = Field(
+        default=None,
+        description="Of the magnetic equator, where it was recorded: north of it the field points "
+        "down, south of it up, which tells the sign of the accelerometer.",
+    )
     exclude: list[Exclusion] = Field(
         default=[],
         max_length=1000,

@@ -12,14 +12,19 @@ import pyarrow as pa
 
 from testbench.clock import Clock, utc_text
 from testbench.consistency import Consistency, refuse_contradictions
+from testbench.consistency.checks import Up
+from testbench.consistency.doubtful import Belief
+from testbench.consistency.refused import Refusals
 from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.formats.dates import Recorded
 from testbench.frames import NANOSECONDS
 from testbench.records.disk.tables import to_arrow, write_parquet_batches
 from testbench.records.findings.finding import Finding, told_once
 from testbench.records.session.layout import imu_stream, table_file, truth_stream
+from testbench.records.session.manifest import FullScale
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import IMU_NOTES, ImuSamples, Truth
+from testbench.records.session.sensor_file import SensorFile
 from testbench.records.session.session import RunStatus, Session, step_events
 from testbench.records.session.session_writer import SessionWriter
 from testbench.records.specs.protocol import Analysis
@@ -146,12 +151,16 @@ def write_recording(
             writer.add_text(name, text)
         for name, sensor in recording.sensors.items():
             consistency = Consistency()
+            up = Up(sensor.details.get("hemisphere"), by_truth=sensor.truth is not None)
+            refusals = Refusals(_belief(recording.analysis, sensor))
+            path = out / table_file(imu_stream(name))
             counts[name], first, last = _write_samples(
-                out / table_file(imu_stream(name)), consistency.watch(sensor.chunks)
+                path, refusals.watch(consistency.watch(sensor.chunks))
             )
-            own = consistency.findings()
+            own = consistency.findings(up)
             if recording.answered is not None:
                 refuse_contradictions(name, own, recording.answered)
+            own += refusals.findings(SensorFile(path))
             findings += [one.at(name) for one in own]
             begin, end = min(begin, first), max(end, last)
             findings += [found.at(name) for found in (*sensor.findings, *sensor.told())]
@@ -174,6 +183,15 @@ def write_recording(
         writer.discard()
         raise
     return Session(out)
+
+
+def _belief(analysis: Analysis, sensor: ImportedSensor) -> Belief:
+    """What a person says of samples that are imported; what is excluded is told when the rest is
+    estimated.
+    """
+    stated = sensor.details.get("full_scale")
+    scale = FullScale.model_validate(stated) if stated else FullScale()
+    return Belief(keep=frozenset(analysis.estimate.keep), full_scale=scale)
 
 
 def _write_samples(path: Path, chunks: Iterator[ImuSamples]) -> tuple[int, int, int]:

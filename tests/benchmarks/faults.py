@@ -150,6 +150,12 @@ def _of_accelerometer() -> list[Fault]:
             needs=("device_q",),
             about="orientation",
         ),
+        Fault(
+            "acc: negated, without an orientation",
+            lambda samples: replace(samples, acc=-samples.acc, device_q=None),
+            ("acc_or_mag_negated",),
+            about="accelerometer: sign",
+        ),
         *(
             Fault(f"acc: {unit} as m/s^2", _scaled("acc", each), ("acc_unit",), unit, about="unit")
             for unit, each in {"g": 1 / 9.80665, "mg": 1000 / 9.80665}.items()
@@ -192,7 +198,10 @@ def _of_time() -> list[Fault]:
         "ns as s": 1e6,
         "s as ms": 1e-3,
         "ms as us": 1e-3,
-        "us in units of 100 us": 100.0,
+        "us as counts of 100 us": 100.0,
+        "counts of 100 us as ms": 10.0,
+        "counts of 10 us as us": 0.1,
+        "counts of 100 us as us": 0.01,
     }
     return [Fault(f"time: {name}", _clock(factor), codes) for name, factor in factors.items()] + [
         Fault("time: rate 2", _clock(0.5), ("scale_or_rate",), "2"),

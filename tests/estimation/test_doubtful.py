@@ -10,20 +10,21 @@ from functools import cache
 import numpy as np
 import pytest
 
-from testbench.estimation.signals.doubtful import (
+from testbench.consistency.doubtful import (
     CLIPPED,
     CLIPPED_RATE,
     SATURATED,
     SPIKE,
     STUCK,
+    STUCK_AXIS,
     ZEROS,
     Belief,
     Gates,
     doubts_on,
     without,
 )
+from testbench.consistency.traits import Traits
 from testbench.estimation.signals.quality import assess
-from testbench.estimation.signals.traits import Traits
 from testbench.frames import NANOSECONDS
 from testbench.model.imu import TriadModel
 from testbench.records.session.manifest import FullScale
@@ -252,6 +253,32 @@ def test_a_triad_that_never_measured_is_not_used_and_named():
         assert not quality.flagged[~samples.saturated].any()
         assert known.mag is not None and np.isnan(known.mag).all()
         assert any("magnetometer reads the same" in str(found) for found in quality.findings)
+
+
+@pytest.mark.parametrize("value", [0.0, 0.3], ids=["zero", "constant"])
+@pytest.mark.parametrize("key", ["gyr", "acc"])
+def test_an_axis_that_never_measured_is_named_and_its_triad_not_used(key, value):
+    samples = recorded("xsens_dot", 5)
+    column = getattr(samples, key).copy()
+    column[:, 1] = value
+    quality, known = assess(changed(samples, **{key: column}), np.zeros(len(samples), dtype=bool))
+    assert np.isnan(getattr(known, key)).all()
+    (found,) = [one for one in quality.findings if one.code == "samples.dead_axis"]
+    assert found.values["axes"] == ["y"]
+
+
+@pytest.mark.parametrize("value", [0.0, None], ids=["zero", "frozen"])
+@pytest.mark.parametrize("key", ["gyr", "acc", "mag"])
+def test_an_axis_that_freezes_while_others_move_is_flagged_there(key, value):
+    samples = recorded("mpu6050" if key == "gyr" else "xsens_dot", 5)
+    column, place = getattr(samples, key).copy(), slice(1200, 1500)
+    column[place, 2] = column[1199, 2] if value is None else value
+    spoiled = changed(samples, **{key: column})
+    flags = doubts_on(spoiled, Belief()).flags
+    assert set(flags) - {SATURATED} == {STUCK_AXIS}
+    rows = np.flatnonzero(flags[STUCK_AXIS])
+    assert abs(rows[0] - 1200) <= 1 and rows[-1] == 1499 and len(rows) >= 299
+    assert reasons(spoiled, Belief(keep=frozenset({"stuck"}))) == {}
 
 
 def test_a_board_that_froze_for_all_of_the_recording_is_flagged_throughout():

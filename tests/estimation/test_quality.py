@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.estimation.signals.doubtful import Belief
+from testbench.consistency.doubtful import Belief
 from testbench.estimation.signals.quality import assess
 from testbench.estimation.signals.timing import audit_timing
 from testbench.model.truth import without_jumps

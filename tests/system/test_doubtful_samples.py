@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import scipy.io
 
+from testbench.consistency.doubtful import Belief, doubts_on
 from testbench.estimation import estimate
-from testbench.estimation.signals.doubtful import Belief, doubts_on
 from testbench.evaluation import evaluate
 from testbench.formats import import_recording
 from testbench.formats.options import Options

@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from testbench.consistency.doubtful import doubts_on, without
 from testbench.estimation.alignment.axes import true_rates
 from testbench.estimation.alignment.true_motion import rate_delay, sensor_clock
 from testbench.estimation.calibration.gyroscope import gravity_direction_errors, turn_figures
@@ -31,7 +32,6 @@ from testbench.estimation.calibration.static_intervals import (
 )
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
 from testbench.estimation.filters import UniformSamples
-from testbench.estimation.signals.doubtful import doubts_on, without
 from testbench.estimation.signals.recording import belief_in
 from testbench.estimation.signals.segmentation import intervals_of
 from testbench.estimation.signals.uniform import MOST_FILLING, fill_gaps

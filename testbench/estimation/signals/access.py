@@ -15,9 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.consistency import Consistency
+from testbench.consistency.checks import Up
+from testbench.consistency.doubtful import BIT, CLIPPED_RATE, Belief, Gates, without
+from testbench.consistency.traits import Traits, finite_rows
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
-from testbench.estimation.signals.doubtful import BIT, CLIPPED_RATE, Belief, Gates, without
 from testbench.estimation.signals.mean_turning import MeanTurning
 from testbench.estimation.signals.quality import AFTER_GAP, Inspection, Quality, findings_on
 from testbench.estimation.signals.timing import (
@@ -28,11 +30,9 @@ from testbench.estimation.signals.timing import (
     audit_timing,
     usual_interval,
 )
-from testbench.estimation.signals.traits import Traits, finite_rows
 from testbench.estimation.signals.uniform import MOST_FILLING, bridges_of, fill_gaps, fill_rows
 from testbench.frames import NANOSECONDS
 from testbench.model.windows import moving_mean
-from testbench.records.disk.pieces import overlapping
 from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import ClockFit, TimingAudit
 from testbench.records.session.samples import ImuSamples
@@ -96,11 +96,14 @@ class SampleAccess(ABC):
     every: int
     _consistency: Consistency
 
-    def contradictions(self) -> list[Finding]:
+    def contradictions(self, up: Up) -> list[Finding]:
         """What the quantities say of one another, as they were read: no stored calibration is in
         them, and no sample that a gate refuses.
+
+        Args:
+            up: What is known of the vertical beside them.
         """
-        return self._consistency.findings()
+        return self._consistency.findings(up)
 
     @abstractmethod
     def regular(self, clock: ClockFit) -> tuple[UniformSamples, np.ndarray]:
@@ -336,9 +339,7 @@ class PiecewiseRecording(SampleAccess):
         """Pieces with a few neighbours at either end, and which of their samples are the piece
         itself.
         """
-        for columns, counted in overlapping(self._file.tables(PIECE), PIECE, self._margin):
-            if len(columns["counter"][counted]):
-                yield ImuSamples.from_columns(columns), counted
+        return self._file.pieces(PIECE, self._margin)
 
 
 def _measured(gates: Gates, unknown: np.ndarray) -> np.ndarray:

@@ -6,45 +6,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.estimation.signals.doubtful import (
-    BEYOND,
+from testbench.consistency.doubtful import (
     BIT,
-    CLIPPED,
     CLIPPED_RATE,
-    EXCLUDED,
     NO_UNIT,
     NOT_FINITE,
     SATURATED,
-    SPIKE,
     STUCK,
-    ZEROS,
     Belief,
     Doubts,
     Gates,
     without,
 )
+from testbench.consistency.refused import Tally
+from testbench.consistency.traits import Traits
 from testbench.estimation.signals.rates import LARGEST_BIAS
-from testbench.estimation.signals.traits import Traits
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples
 
 AFTER_GAP = "after a gap"
-CODES = {
-    ZEROS: "samples.zeros",
-    STUCK: "samples.stuck",
-    CLIPPED: "samples.clipped",
-    SPIKE: "samples.spike",
-    BEYOND: "samples.beyond",
-}
-"""Findings of the reasons that a person may know better than."""
-WORDS = {
-    "gyr": "gyroscope",
-    "acc": "accelerometer",
-    "mag": "magnetometer",
-    "device_q": "quaternion",
-}
 LONG_GAP_S = 0.25
 """After a gap this long a filter has lost its way for `RECOVERY_S`."""
 RECOVERY_S = 1.0
@@ -138,9 +120,8 @@ class Inspection:
         self._after = AfterGaps(), AfterGaps(loses_heading=False)
         always = [SATURATED, NOT_FINITE, STUCK, AFTER_GAP]
         always += [NO_UNIT] if gates.measures("device_q") else []
-        self.counts = dict.fromkeys(always, 0)
-        self._first: dict[str, int] = {}
-        self._quantities: dict[str, set[str]] = {}
+        self._tally = Tally(gates)
+        self._tally.counts.update(dict.fromkeys(always, 0))
 
     def flags(self, samples: ImuSamples, doubts: Doubts, own: slice) -> dict[str, np.ndarray]:
         """Samples to be refused, by reason, each of shape (m,), bool.
@@ -159,37 +140,17 @@ class Inspection:
                 known = (unknown & marks) == 0 if self._gates.measures(key) else None
                 after |= tell(time, known)
         flags[AFTER_GAP] = after
-        for reason, flag in flags.items():
-            count = int(flag.sum())
-            self.counts[reason] = self.counts.get(reason, 0) + count
-            if count and reason not in self._first:
-                first = int(np.flatnonzero(flag)[0])
-                self._first[reason] = int(samples.host_time_ns[own][first])
-            self._quantities.setdefault(reason, set()).update(doubts.quantities.get(reason, ()))
+        self._tally.add(flags, samples.host_time_ns[own], doubts.quantities)
         return flags
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Samples refused, by reason."""
+        return self._tally.counts
 
     def findings(self) -> list[Finding]:
         """What was refused and why, and what else the readings show."""
-        found = []
-        for reason, count in self.counts.items():
-            code = CODES.get(reason, "samples.excluded" if reason.startswith(EXCLUDED) else None)
-            if code is None or not count:
-                continue
-            about = [WORDS[key] for key in WORDS if key in self._quantities[reason]]
-            found.append(
-                finding(
-                    code,
-                    count=count,
-                    first_s=self._first[reason] / NANOSECONDS,
-                    quantities=about,
-                    reason=reason.removeprefix(EXCLUDED),
-                )
-            )
-        for key in sorted(self._gates.dead):
-            found.append(finding("samples.dead", quantity=WORDS[key]))
-        for key, rows in self._gates.slower().items():
-            found.append(finding("samples.slower", quantity=WORDS[key], rows=rows))
-        return found
+        return self._tally.findings()
 
 
 def assess(

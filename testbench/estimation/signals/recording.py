@@ -8,8 +8,8 @@ from datetime import datetime
 
 import numpy as np
 
+from testbench.consistency.doubtful import Belief
 from testbench.estimation.signals.access import Change, SampleAccess, open_samples
-from testbench.estimation.signals.doubtful import Belief
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.session.manifest import FullScale, SensorRecord
 from testbench.records.session.plan import PlannedStep

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.consistency.traits import finite_rows
 from testbench.estimation.filters.base import UniformSamples
-from testbench.estimation.signals.traits import finite_rows
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.results.estimate import ClockFit

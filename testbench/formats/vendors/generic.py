@@ -23,6 +23,7 @@ from testbench.records.specs.protocol import Analysis, Body, Segment
 from testbench.records.specs.protocol_chain import ChainEstimation
 
 
+# Long by the steps from a mapping to its sensors, one after the other.
 def read(files: list[Path], options: Options) -> Recording:
     """Read files as a mapping says.
 
@@ -62,6 +63,9 @@ def read(files: list[Path], options: Options) -> Recording:
         )
         for one in meant
     }
+    if spec.hemisphere is not None:
+        for one in mapped.values():
+            one.sensor.details["hemisphere"] = spec.hemisphere
     unused = [file.name for file in files if file not in opened.used]
     if unused:
         raise InputError(f"{', '.join(sorted(unused))}: no sensor of the mapping reads it")

@@ -79,6 +79,8 @@ class SensorRecord(_Part):
         full_scale: Largest readings, where somebody states them.
         rate_delay_s: How much older than its stamp a rate is.
         device_tag: By which a stored calibration finds the device again.
+        hemisphere: Where it was recorded, which tells whether the magnetic field points down; null
+            where nobody says.
         truth: Where the truth of an import comes from.
         truth_offset_s: What a person said is to be added to the truth's times, and was.
         truth_world: Whether the z axis of the truth's world points up ("z_up"), or nobody knows
@@ -97,6 +99,7 @@ class SensorRecord(_Part):
     full_scale: FullScale | None = None
     rate_delay_s: float | None = None
     device_tag: str | None = None
+    hemisphere: Literal["north", "south"] | None = None
     truth: str | None = None
     truth_offset_s: float | None = None
     truth_world: Literal["z_up", "unknown"] = "z_up"

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.records.disk.near import MOST_THINNED, is_long, read_near
+from testbench.records.disk.pieces import overlapping
 from testbench.records.disk.tables import (
     ROWS_PER_GROUP,
     parquet_shape,
@@ -54,6 +55,17 @@ class SensorFile(_StreamFile):
     def batches(self, rows: int = ROWS_PER_GROUP) -> Iterator[ImuSamples]:
         """All samples in pieces of at most so many."""
         return (ImuSamples.from_columns(columns) for columns in self.tables(rows))
+
+    def pieces(self, rows: int, margin: int) -> Iterator[tuple[ImuSamples, slice]]:
+        """All samples in pieces with their neighbours, and which of each are the piece itself.
+
+        Args:
+            rows: Of a piece, at most.
+            margin: Neighbours at either end.
+        """
+        for columns, own in overlapping(self.tables(rows), rows, margin):
+            if len(columns["counter"][own]):
+                yield ImuSamples.from_columns(columns), own
 
     def tables(
         self, rows: int = ROWS_PER_GROUP, columns: Sequence[str] | None = None

@@ -54,7 +54,8 @@ TEMPLATES = {
         "the unit of time is wrong and the rate is {other_rate_hz:.4g} Hz, or the unit of the "
         "gyroscope is",
         "state the unit of time by the key time.unit of the mapping or --unit time=UNIT (s, ms, "
-        "us, ns), or the gyroscope's by gyr.unit or --unit gyr=UNIT (rad/s, deg/s, mdeg/s)",
+        "us, ns), or of counts of another length the rate by --rate, or the gyroscope's unit by "
+        "gyr.unit or --unit gyr=UNIT (rad/s, deg/s, mdeg/s)",
     ),
     "consistency.scale_or_rate": Template(
         WARNING,
@@ -141,6 +142,13 @@ TEMPLATES = {
         "the accelerometer has the opposite sign, as that of phones",
         "the key acc.scale: -1 of the mapping mends it {keys}",
     ),
+    "consistency.acc_or_mag_negated": Template(
+        WARNING,
+        "by its accelerometer the field points {dip_deg:.0f} deg {points}, where in the "
+        "{hemisphere} it points {expected}",
+        "the accelerometer has the opposite sign, as that of phones, or the magnetometer has",
+        "the key acc.scale: -1 of the mapping mends the one, mag.scale: -1 the other",
+    ),
     "consistency.orientation_down": Template(
         WARNING,
         "turned by its orientation the specific force points down",
@@ -166,6 +174,8 @@ TEMPLATES = {
         NOTE,
         "its motion does not show whether these are right: {in_short}",
         "",
-        "turn it about two axes, and tilt it, with rests between",
+        "turn it about two axes, and tilt it, with rests between; the sign of the accelerometer is "
+        "told by an orientation of the device, or by a magnetometer and the key hemisphere of the "
+        "mapping",
     ),
 }

@@ -19,6 +19,19 @@ TEMPLATES = {
         "the readings froze; they count as lost",
         "`estimate: {{keep: [stuck]}}` if they are real",
     ),
+    "samples.stuck_axis": Template(
+        WARNING,
+        "{count} samples repeat the one before in one axis of {quantities}, the first at "
+        "{first_s:.2f} s, for longer than its noise can, while others go on",
+        "that axis froze; they count as lost",
+        "`estimate: {{keep: [stuck]}}` if they are real",
+    ),
+    "samples.dead_axis": Template(
+        WARNING,
+        "its {quantity} reads the same throughout in {axes}, while others go on",
+        "that axis was not recorded, or is dead; nothing is computed from its {quantity}",
+        "map the right column, or `estimate: {{keep: [stuck]}}` if that is real",
+    ),
     "samples.clipped": Template(
         WARNING,
         "{count} samples stand at the largest reading of {quantities}, several in a row, the first "

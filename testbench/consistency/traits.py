@@ -34,6 +34,10 @@ median magnitude, and the square sum of the coefficients 1, 4, 6, 4, 1.
 """
 MOST_REPEATED = 0.1
 """A triad whose noise repeats a reading more often than this may stand still for long."""
+SELDOM_AXIS, FEWEST_OF_AXIS = 0.5, 100
+"""An axis whose noise repeats a reading more often than this may stand still for long; and so many
+readings, at least, tell that one stands still.
+"""
 RARE = 1e-3
 """Runs of repetitions that noise alone gives in a recording are to be rarer than this."""
 SHORTEST_RUN = 5
@@ -70,6 +74,11 @@ class RunLengths:
         return max(int(np.searchsorted(total, part * total[-1])), 1) if total[-1] else 1
 
     @property
+    def longest(self) -> int:
+        """Rows from one new reading to the next, at most."""
+        return int(np.flatnonzero(self._counts)[-1]) if self._counts.any() else 0
+
+    @property
     def period(self) -> int:
         """Longest usual distance of new readings where they come at a lower rate; else 1 [rows]."""
         middle, long = self.quantile(0.5), self.quantile(0.95)
@@ -102,6 +111,7 @@ class QuantityTraits:
         high: Largest reading of each axis, shape (k,).
         low_run: Longest run of rows at the smallest reading, shape (k,).
         high_run: Longest run of rows at the largest reading, shape (k,).
+        axis_run: Longest run of repetitions of each axis, shape (k,).
     """
 
     key: str
@@ -113,6 +123,7 @@ class QuantityTraits:
     high: np.ndarray = field(default_factory=lambda: np.full(3, -np.inf))
     low_run: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
     high_run: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
+    axis_run: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
     _noise: list[np.ndarray] = field(default_factory=list)
     _quantum: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
     _last: np.ndarray | None = None
@@ -145,6 +156,9 @@ class QuantityTraits:
             self._blocks(known, self.repeated.period)
 
     def _extremes(self, array: np.ndarray) -> None:
+        for k, column in enumerate(array.T):
+            held = lengths_of(np.flatnonzero(column[1:] == column[:-1]))
+            self.axis_run[k] = max(int(self.axis_run[k]), int(held.max(initial=0)))
         # column by column: ten times as fast as along an axis of three
         low = np.array([column.min() for column in array.T])
         high = np.array([column.max() for column in array.T])
@@ -207,23 +221,43 @@ class QuantityTraits:
 
     @property
     def repeats(self) -> float:
-        """How probably its noise repeats a reading in all axes; 1 where no noise is seen.
+        """How probably its noise repeats a reading in all axes; 1 where no noise is seen."""
+        return float(np.prod(self.axis_repeats))
+
+    @property
+    def axis_repeats(self) -> np.ndarray:
+        """How probably the noise of each axis repeats its reading, shape (k,); 1 where none is
+        seen.
 
         Two readings of normal noise of standard deviation s round to the same multiple of q with
         a probability of about q / (2 s sqrt(pi)).
         """
+        found = np.ones(len(self.low))
         if not self._noise:
-            return 1.0
+            return found
         noise = np.concatenate(self._noise)
         seen = np.isfinite(noise)
-        product = 1.0
         for axis in range(noise.shape[1]):
             own = noise[seen[:, axis], axis]
             quiet = float(np.quantile(own, 0.25)) if len(own) else 0.0
             quantum = float(self._quantum[axis])
             if quiet > 0 and np.isfinite(quantum):
-                product *= min(1.0, quantum / (2 * quiet * np.sqrt(np.pi)))
-        return product
+                found[axis] = min(1.0, quantum / (2 * quiet * np.sqrt(np.pi)))
+        return found
+
+    @property
+    def quantum(self) -> np.ndarray:
+        """Smallest change of each axis, infinite where none was seen, shape (k,)."""
+        return self._quantum
+
+    @property
+    def dead_axes(self) -> list[int]:
+        """Axes that never change while the noise of another shows."""
+        same = self.low == self.high
+        lively = self.axis_repeats[~same] < SELDOM_AXIS
+        if self.count < FEWEST_OF_AXIS or not same.any() or not lively.any():
+            return []
+        return [int(axis) for axis in np.flatnonzero(same)]
 
     def longest_run(self, repeats: float) -> int:
         """Readings in a row that noise of such a probability of repetition may give."""
@@ -262,7 +296,13 @@ class Traits:
             own.key
             for own in present
             if own.constant and (noisy or (own.all_zero and own.key != "gyr"))
-        }
+        } | set(self.dead_axes)
+
+    @property
+    def dead_axes(self) -> dict[str, list[int]]:
+        """Triads of which some axes, not all, never measured anything; they are not used."""
+        found = {key: self.of[key].dead_axes for key in TRIADS if self.has_noise}
+        return {key: axes for key, axes in found.items() if axes}
 
     @property
     def frozen(self) -> bool:

@@ -11,12 +11,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from testbench.estimation.signals.traits import (
+from testbench.consistency.traits import (
     ABSURD,
     LONGEST_RUN,
     MOST,
     MOST_REPEATED,
     QUANTITIES,
+    SELDOM_AXIS,
     TRIADS,
     QuantityTraits,
     Traits,
@@ -33,6 +34,7 @@ from testbench.records.specs.exclusion import Exclusion
 
 SATURATED, NOT_FINITE, BEYOND = "saturated", "not finite", "beyond any sensor"
 ZEROS, STUCK, CLIPPED, SPIKE = "zeros", "stuck", "clipped", "spike"
+STUCK_AXIS = "stuck axis"
 NO_UNIT = "quaternion not of unit length"
 EXCLUDED = "excluded: "
 """Before the reason that a person gives."""
@@ -74,6 +76,10 @@ NEARBY = np.array([-7, -6, -5, -4, -3, -2, 2, 3, 4, 5, 6, 7])
 FILLER_STEPS, FILLER_NEAR = 5.0, 5
 """A reading that is repeated is a filler if it is so many times further from both its neighbours
 than any of so many before it were from one another.
+"""
+LEAST_AXIS_RUN, MOVES = 50, 10.0
+"""One axis is stuck if it repeats a reading more often than this, while another goes through more
+than so many of its counts.
 """
 ALIVE = 0.1
 """A gyroscope that turns by this just before and just after does not read exactly 0 in all axes
@@ -152,6 +158,7 @@ class Gates:
     def __init__(self, traits: Traits, belief: Belief):
         self._traits, self._belief = traits, belief
         self.dead, self._frozen = traits.dead, traits.frozen and STUCK not in belief.keep
+        self.dead_axes = traits.dead_axes if STUCK not in belief.keep else {}
         if STUCK in belief.keep:
             self.dead = {key for key in self.dead if traits.of[key].all_zero}
         if ZEROS in belief.keep:
@@ -161,6 +168,7 @@ class Gates:
         ]
         self._triads = [key for key in self._present if key in TRIADS]
         self._runs = self._longest_runs() if traits.has_noise else {}
+        self._axis_runs = self._longest_axis_runs() if traits.has_noise else {}
         self._clips = {key: self._plateaus(traits.of[key]) for key in self._triads}
 
     def _longest_runs(self) -> dict[str, int]:
@@ -171,6 +179,17 @@ class Gates:
             repeats = own.repeats
             if repeats < MOST_REPEATED:
                 found[key] = own.longest_run(repeats)
+        return found
+
+    def _longest_axis_runs(self) -> dict[tuple[str, int], int]:
+        """Longest honest run of repetitions of the axes whose noise shows [rows]."""
+        found = {}
+        for key in self._triads if STUCK not in self._belief.keep else ():
+            own = self._traits.of[key]
+            for axis, repeats in enumerate(own.axis_repeats):
+                if repeats < SELDOM_AXIS:
+                    longest = max(own.longest_run(float(repeats)), LEAST_AXIS_RUN)
+                    found[key, axis] = longest * own.repeated.period
         return found
 
     def _plateaus(self, own: QuantityTraits) -> tuple[np.ndarray, np.ndarray]:
@@ -193,7 +212,7 @@ class Gates:
     @property
     def margin(self) -> int:
         """Neighbouring rows that matter on each side."""
-        runs = [run + 1 for run in self._runs.values()]
+        runs = [run + 1 for run in (*self._runs.values(), *self._axis_runs.values())]
         holes = [self._longest_hole(key) + 1 for key in self._present]
         return min(max([int(NEARBY.max()) + 2, *runs, *holes]), LONGEST_RUN)
 
@@ -201,6 +220,27 @@ class Gates:
         """Rows in a row without a reading that are its lower rate and no fault."""
         period = self._traits.of[key].missing.period
         return 3 * period if period > 1 else 0
+
+    @property
+    def suspects(self) -> bool:
+        """Whether any sample may be refused that a finding tells of: else nothing needs to be gone
+        through again. What repeats over the end of a chunk counts as two runs here.
+        """
+        if self._frozen:
+            return True
+        for key in self._triads:
+            own, (low, high) = self._traits.of[key], self._clips[key]
+            widest = float((own.high - own.low).max())
+            if own.zero or own.beyond or widest > SPIKE_SIZE[key]:
+                return True
+            if np.isfinite(low).any() or np.isfinite(high).any():
+                return True
+            if own.repeated.longest > self._runs.get(key, LONGEST_RUN):
+                return True
+        return any(
+            self._traits.of[key].axis_run[axis] >= longest
+            for (key, axis), longest in self._axis_runs.items()
+        )
 
     def slower(self) -> dict[str, float]:
         """Triads whose readings are new in one of several rows only, and in how many [rows]."""
@@ -227,6 +267,7 @@ class Gates:
         self._marked(doubts, samples)
         self._zeros(doubts, samples)
         self._repeated(doubts, samples)
+        self._axes(doubts, samples)
         for key in self._triads:
             self._spikes(doubts, key, getattr(samples, key))
         self._excluded(doubts, samples)
@@ -309,6 +350,33 @@ class Gates:
             if len(rows):
                 doubts.add(STUCK, rows, key)
                 self._whole_board(doubts, samples, rows)
+
+    def _axes(self, doubts: Doubts, samples: ImuSamples) -> None:
+        """Rows in which one axis repeats for longer than its noise can, and others go on."""
+        kinds = (ZEROS, STUCK, CLIPPED, SATURATED, BEYOND)
+        told = np.zeros(len(samples), dtype=bool)
+        for kind in kinds:
+            told |= doubts.flags.get(kind, False)
+        for (key, axis), longest in self._axis_runs.items():
+            array, traits = getattr(samples, key), self._traits.of[key]
+            column = array[:, axis]
+            rows = np.flatnonzero(column[1:] == column[:-1]) + 1
+            rows = _in_runs_over(rows, longest - 1)
+            lengths = lengths_of(rows)
+            first = np.cumsum(lengths) - lengths
+            for begin, length in zip(rows[first], lengths, strict=True):
+                own = slice(begin - 1, begin + length)
+                # a run that is told in part is of that fault, and of readings that equal it
+                if told[own].any() or self._is_plateau(traits, axis, float(column[begin])):
+                    continue
+                if (np.ptp(array[own], axis=0) > MOVES * traits.quantum).any():
+                    doubts.add(STUCK_AXIS, np.arange(begin, begin + length), key)
+
+    @staticmethod
+    def _is_plateau(own: QuantityTraits, axis: int, value: float) -> bool:
+        """Whether a reading may be a clipped one: the largest that a range leaves."""
+        extreme = value in (own.low[axis], own.high[axis])
+        return extreme and abs(value) >= LEAST_FULL_SCALE.get(own.key, np.inf)
 
     def _whole_board(self, doubts: Doubts, samples: ImuSamples, rows: np.ndarray) -> None:
         """Where everything repeats while one triad is stuck, all of it is stuck."""
