@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from testbench.consistency.doubtful import CLIPPED, SATURATED
 from testbench.estimation.filters.base import UniformSamples
 from testbench.estimation.signals.access import MOST_AT_ONCE, WholeRecording
-from testbench.estimation.signals.doubtful import CLIPPED, SATURATED
 from testbench.estimation.signals.recording import SensorRecording
 from testbench.estimation.signals.segmentation import detect_static, intervals_of
 from testbench.frames import NANOSECONDS
