@@ -199,7 +199,7 @@ StandingOption = Annotated[
     _of_joints(
         "--standing",
         metavar="FROM:TO",
-        help="When the person stands upright [s]. Default: the first rest.",
+        help="When the person stands upright, in seconds. Default: the first rest.",
     ),
 ]
 ForwardOption = Annotated[
