@@ -14,7 +14,7 @@ MOST = 50_000
 """Instants that it is computed at; between them it is interpolated: it follows the posture."""
 STEP = 1e-5
 """Of a small rotation in a numeric derivative [rad]."""
-INCLINATION_SD = np.radians(0.4)
+INCLINATION_SD = np.radians(0.3)
 """Of each filter's vertical while a body moves, about each level axis [rad]."""
 UP_OF_SEGMENT = np.array([0.0, 1.0, 0.0])
 

@@ -35,7 +35,7 @@ RIVAL = 1.3
 """Another minimum that leaves less than so many times the variance of the best makes the answer
 ambiguous.
 """
-MODEL_SD = np.radians(2.0)
+MODEL_SD = np.radians(1.0)
 """What skin and filters add to a heading that is the same for the whole recording [rad]."""
 INDEPENDENT_S = 0.5
 """Residuals so far apart count as independent [s]: they are errors of inclination and of skin."""

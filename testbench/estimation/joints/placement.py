@@ -23,7 +23,7 @@ UP, RIGHT = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 """In a segment."""
 MOST_OFF = np.radians(35.0)
 """A hinge's axis farther than this from where the pose has it is not believed [rad]."""
-AXIS_SD = np.radians(0.4)
+AXIS_SD = np.radians(0.3)
 """What an axis is off by in one sensor alone, however long a recording [rad]: filters and skin go
 with the motion.
 """
