@@ -174,8 +174,8 @@ class Tally:
     Attributes:
         ratios: Error with the placement fitted over that without an error of placement, each part
             and state.
-        far: Whether it was said to be lost, wherever the worst joint erred by more than 5 deg and
-            nothing was fitted.
+        far: Whether it was said to be lost, wherever the worst joint of displaced sensors erred by
+            more than 5 deg and nothing was fitted.
         near: The same, wherever it erred by less than 1 deg, fitted or not.
     """
 
@@ -198,7 +198,7 @@ def tally(parts: list[dict[str, Any]]) -> Tally:
             result.ratios.append(one["fitted"][state]["rms_deg"] / one["stated"][state]["rms_deg"])
             for kind in ("stated", "displaced", "fitted"):
                 own = one[kind][state]
-                if own["worst_deg"] > LOST_DEG and kind != "fitted":
+                if own["worst_deg"] > LOST_DEG and kind == "displaced":
                     result.far.append(own["lost"])
                 if own["worst_deg"] < GOOD_DEG:
                     result.near.append(own["lost"])

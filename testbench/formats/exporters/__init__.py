@@ -186,7 +186,8 @@ def write_export(
     kind = export_format(name)
     write = writer or kind.writer()
     if name == "mot" and source.wanted is None and not source.estimate.joints:
-        source = replace(source, wanted=TRUTH)  # what an arm measured is no filter's
+        # what the chain filter estimated, or else what an arm measured, is no orientation filter's
+        source = replace(source, wanted=next(iter(source.chains), TRUTH))
     try:
         with written_whole(path, kind.is_folder) as partial:
             notes = write(source, partial)

@@ -45,7 +45,8 @@ def write(source: ExportSource, path: Path) -> list[str]:
         "inDegrees=yes",
         f"session={source.session.name}",
         f"filter={source.filter}",
-        f"coordinates={FILES[source.model]}",
+        # the joints of a chain are those of its own model, in its own order of turns
+        *([] if source.chain is not None else [f"coordinates={FILES[source.model]}"]),
         *settings_lines(source),
     ]
     texts = "\t".join(["%.9f"] * len(columns))

@@ -200,7 +200,7 @@ def _facts(estimate: Estimate) -> Table:
         "How to read: what the filter was told or found of the motion. Innovation² over variance "
         "is 1 where the readings differ from what was predicted as much as their variances say; "
         "far above 1 the model is too sure of itself. Off by placement is how far the worst joint "
-        "would move if the sensors sat where their readings say: beyond 1.5 deg the filter is "
+        "would move if the sensors sat where their readings say: beyond 1.8 deg the filter is "
         "lost.",
     )
 

@@ -12,6 +12,7 @@ from testbench import execute, plan
 from testbench.estimation import estimate
 from testbench.exceptions import FileProblems
 from testbench.formats.exporters import ExportSource, write_export
+from testbench.formats.exporters.chain_columns import chain_series
 from testbench.pipeline.bring_in import bring_in
 from testbench.pipeline.request import ImportRequest
 from testbench.records.specs.shipped import shipped_folder
@@ -138,10 +139,10 @@ def test_exports_carry_the_chain_under_its_own_name(session, estimated, tmp_path
     key = "chain_motion_kinematic"
     write_export("parquet", ExportSource(session, estimated), tmp_path / "tables")
     assert (tmp_path / "tables" / f"{key}.parquet").is_file()
-    write_export("mot", ExportSource(session, estimated), tmp_path / "named.mot")
-    lines = (tmp_path / "named.mot").read_text().split("endheader\n")[1].splitlines()
-    assert lines[0].split("\t") == ["time", f"{key}_ankle", f"{key}_knee"]
-    write_export("mot", ExportSource(session, estimated, key), tmp_path / "alone.mot")
+    columns = chain_series(ExportSource(session, estimated))[f"the chain '{key}'"][1]
+    assert list(columns) == [f"{key}_ankle", f"{key}_knee"]  # beside others
+    exported = write_export("mot", ExportSource(session, estimated), tmp_path / "alone.mot")
+    assert exported.filters == [key]
     head, body = (tmp_path / "alone.mot").read_text().split("endheader\n")
     assert f"filter={key}\n" in head
     assert body.splitlines()[0].split("\t") == ["time", "ankle", "knee"]
