@@ -103,8 +103,8 @@ def hinge_pair(
 
     It is the main direction of the rate at which one turns against the other (Luinge, Veltink &
     Baten, J. Biomechanics 40, 2007; Seel, Raisch & Schauer, Sensors 14, 2014, find it without a
-    common earth, but walking shows it so to 5 deg about the vertical only). Where the heading
-    between both is off, both axes are off so that they still coincide.
+    common earth). Where the heading between both is off, both axes are off so that they still
+    coincide.
 
     Args:
         limb: The sensors.
