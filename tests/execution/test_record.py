@@ -57,10 +57,10 @@ class Feeder:
     def _run(self) -> None:
         begin, k = time.monotonic(), 0
         while not self.ended.wait(max(begin + k / self.rate - time.monotonic(), 0)):
-            wobble = 0.01 * math.sin(3 * k)
+            wobble, other = 0.01 * math.sin(3 * k), 0.01 * math.cos(3 * k)
             text = (
-                f"{k * 1000 / self.rate:.0f} {wobble:.4f} 0.0 {1 - wobble:.4f} {wobble:.4f} "
-                f"20.0 {wobble:.4f}\n"
+                f"{k * 1000 / self.rate:.0f} {wobble:.4f} {other:.4f} {1 - wobble:.4f} "
+                f"{wobble:.4f} {20 + other:.4f} {wobble:.4f}\n"
             )
             with suppress(BlockingIOError):
                 os.write(self.master, text.encode())
@@ -120,7 +120,7 @@ def test_a_recording_is_a_session_that_is_estimated_evaluated_and_reported(
     assert manifest["sensors"]["wrist"]["statistics"]["samples"] == len(samples)
     assert manifest["sensors"]["wrist"]["statistics"]["rate_hz"] == pytest.approx(100)
     np.testing.assert_array_equal(np.diff(samples.device_time_ns), 10_000_000)
-    np.testing.assert_allclose(samples.gyr[:, 1], np.radians(20))
+    np.testing.assert_allclose(samples.gyr[:, 1], np.radians(20), atol=np.radians(0.011))
     assert [event.event for event in session.events if event.event.startswith("recording")] == [
         "recording_started",
         "recording_completed",
