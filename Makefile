@@ -14,6 +14,8 @@ PYTHON ?=
 
 # Settings of the user's shell that would make the environment's Python look outside of it.
 unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV PIP_USER PIP_TARGET PIP_PREFIX PIP_REQUIRE_VIRTUALENV
+# The tests start hundreds of processes: without files of bytecode each would compile the package.
+unexport PYTHONDONTWRITEBYTECODE
 
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
