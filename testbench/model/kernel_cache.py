@@ -1,20 +1,28 @@
-"""Compiled kernels on disk, after the program was replaced in place.
+"""Compiled kernels on disk: when the program was replaced in place, and by several processes.
 
 Numba keeps an index beside each module with kernels. The types that they were compiled for are
 pickled in it, named tuples by module and name of their class; the stamp of the index, date and size
 of that one module, is looked at only after it is unpickled. A class that a newer version has moved
 is then not found, and the kernel cannot be called (numba 0.68.1, `numba.core.caching`). Here an
 entry that cannot be read is no entry: the kernel is compiled again.
+
+Processes that start together want the same kernels, and would each compile all of them. Here the
+first one compiles a kernel, while the others wait for it and read it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import fcntl
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import wraps
 from pickle import UnpicklingError
 from typing import Any
 
 from numba.core import caching
+from numba.core.dispatcher import Dispatcher
 
 UNREADABLE = (AttributeError, ImportError, EOFError, IndexError, UnpicklingError)
 """What unpickling raises on what another version has written, or half of it (docs of `pickle`)."""
@@ -40,3 +48,49 @@ def forgive() -> None:
         read = getattr(file, name, None)
         if read is not None and not hasattr(read, "__wrapped__"):
             setattr(file, name, _forgiving(read, nothing))
+
+
+LONGEST_WAIT_S, ASKED_EVERY_S = 60.0, 0.02
+"""A process that takes longer over a kernel may have been stopped: nobody waits on [s]."""
+
+
+@contextmanager
+def _turn(path: str) -> Iterator[None]:
+    """The turn of this process at a file; without one where the disk has no room for such files."""
+    try:
+        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except OSError:
+        yield
+        return
+    try:
+        end = time.monotonic() + LONGEST_WAIT_S
+        while time.monotonic() < end:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except OSError:
+                time.sleep(ASKED_EVERY_S)
+        yield
+    finally:
+        os.close(file)  # which gives the lock back
+
+
+def take_turns() -> None:
+    """Let every kernel be compiled by one process at a time.
+
+    A kernel that calls another one waits for that with its own lock in hand; kernels do not call
+    one another in circles, so that no two processes wait for each other.
+    """
+    plain = Dispatcher.compile
+    if hasattr(plain, "__wrapped__"):
+        return
+
+    @wraps(plain)
+    def in_turn(dispatcher: Any, signature: Any) -> Any:
+        file = getattr(dispatcher._cache, "_cache_file", None)
+        if file is None:
+            return plain(dispatcher, signature)
+        with _turn(f"{file._index_path}.lock"):
+            return plain(dispatcher, signature)
+
+    setattr(Dispatcher, "compile", in_turn)  # noqa: B010  (a method that is replaced on purpose)
