@@ -96,7 +96,8 @@ TEMPLATES = {
         NOTE,
         "the rest from {begin_s:.2f} to {end_s:.2f} s is taken for standing upright",
         "its angles are zero there, to {sd_deg:g} deg about each axis of each segment",
-        "alignment: {{standing_s: [from, to]}} if that is another time",
+        "--standing FROM:TO at the import, or alignment: {{standing_s: [from, to]}} in its "
+        "mapping, if that is another time",
     ),
     "joint.standing_stated": Template(
         NOTE,
@@ -106,6 +107,14 @@ TEMPLATES = {
     "joint.facing": Template(
         NOTE,
         "{filter}: which way the body faces: by {by}; headings between its sensors: by {relative}",
+    ),
+    "joint.drifts": Template(
+        WARNING,
+        "{filter}: the headings of its sensors drift apart: how they differ is known to "
+        "{sd_deg:.0f} deg (standard deviation) at {at_s:.1f} s",
+        "angles about vertical axes are as uncertain there",
+        "stand still for some seconds at the beginning and the end of each recording, or a filter "
+        "with a magnetometer, or the joint's axes (constraint)",
     ),
     "joint.hinge_found": Template(
         NOTE,
