@@ -69,7 +69,7 @@ def guess_mapping(files: Iterable[str], out: str | None = None) -> Guessed:
         return Guessed(found.formats, found.seen, None)
     path = Path(out) if out is not None else Path(default_name(paths))
     write_new(path, mapping_yaml(found.mapping, found.seen))
-    return Guessed(found.formats, found.seen, path)
+    return Guessed(found.formats, found.seen, path, tuple(found.open_options))
 
 
 @dataclass(frozen=True)
@@ -80,11 +80,13 @@ class Guessed:
         formats: Those that read them, each with what it finds or asks.
         seen: What the mapping rests on.
         mapping: Where that was written; None where no columns were recognised.
+        open_options: Options that the import by it asks for.
     """
 
     formats: dict[str, str]
     seen: list[str]
     mapping: Path | None
+    open_options: tuple[str, ...] = ()
 
 
 def _truth(asked: TruthRequest) -> TruthOptions:

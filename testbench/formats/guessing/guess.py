@@ -30,6 +30,16 @@ class Guess:
     mapping: dict[str, Any] | None
     seen: list[str]
 
+    @property
+    def open_options(self) -> list[str]:
+        """Options that the import by the mapping asks for."""
+        if self.mapping is None:
+            return []
+        parts = [(q, p) for of in self.mapping["sensors"].values() for q, p in of.items()]
+        timed = self.mapping.keys() & {"time", "rate_hz"} or any("time" in p for _, p in parts)
+        units = {q for q, p in parts if q in ("acc", "gyr") and "unit" not in p}
+        return ([] if timed else ["--rate HZ"]) + [f"--unit {q}=UNIT" for q in sorted(units)]
+
 
 def guess(files: Sequence[Path]) -> Guess:
     """Look into files.

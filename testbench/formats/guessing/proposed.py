@@ -19,6 +19,7 @@ from testbench.formats.guessing.told import (
     unit_told,
 )
 from testbench.formats.names import unique_names
+from testbench.formats.plausibility import no_gravity
 
 
 def proposed_mapping(files: Sequence[Path], said: list[str]) -> dict[str, Any]:
@@ -65,6 +66,8 @@ def _is_whole(seen: Seen) -> bool:
 def _of_one_file(seen: Seen, said: list[str]) -> dict[str, Any]:
     """A mapping of a file with one or more sensors."""
     sensors: dict[str, Any] = {}
+    if seen.free:
+        said.append(f"{', '.join(seen.free)}: left out, an acceleration without gravity")
     owners = list(seen.sensors)
     labels = unique_names(owner.rpartition("/")[2] or "imu" for owner in owners)
     times: dict[tuple[str, str], Time | None] = {}
@@ -88,6 +91,8 @@ def _of_one_file(seen: Seen, said: list[str]) -> dict[str, Any]:
     else:
         said.append(f"{seen.table.file.name}: no times are recognised; state --rate HZ")
     for (label, kind), own in times.items():
+        if kind not in sensors[label]:
+            continue
         if own is not None and common is not None and own.column != common.column:
             sensors[label][kind]["time"] = {"column": own.column, "unit": own.unit}
     return result | {"sensors": sensors}
@@ -164,6 +169,12 @@ def _sensor(
         if found.array is not None:
             where = {"array": found.array}
         shown = found.array or ", ".join(map(str, found.columns))
+        if kind == "acc" and evidence is not None and no_gravity(evidence):
+            said.append(
+                f"{label}: {shown} left out, which reads {evidence.rest_norm:.3g} at rest: gravity "
+                "was removed; take the columns with gravity"
+            )
+            continue
         if kind == "quaternion":
             parts[kind] = where | orientation_told(seen, found, acc)
             said.append(f"{label}: quaternion in {shown}")
@@ -171,4 +182,6 @@ def _sensor(
         unit, why = unit_told(kind, found, seen, evidence)
         parts[kind] = where | ({"unit": unit} if unit else {})
         said.append(f"{label}: {kind} in {shown}, {f'in {unit} ({why})' if unit else why}")
+    if not parts.keys() & {"acc", "gyr", "quaternion"}:
+        raise seen.table.problem(f"nothing is left to be a sensor: {said[-1]}")
     return parts

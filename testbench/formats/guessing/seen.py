@@ -48,6 +48,7 @@ class Seen:
         values: First rows of its columns of numbers.
         clocks: Columns of times of day.
         sensors: Quantities by sensor, as titles tell them; empty where they tell none.
+        free: Columns of acceleration without gravity, which no sensor here takes.
     """
 
     table: Table
@@ -55,6 +56,7 @@ class Seen:
     values: dict[str, np.ndarray]
     clocks: list[str]
     sensors: dict[str, dict[str, Quantity]] = field(default_factory=dict)
+    free: list[str] = field(default_factory=list)
 
 
 def look(file: Path) -> Seen:
@@ -123,6 +125,8 @@ def _by_title(seen: Seen) -> dict[str, dict[str, Quantity]]:
         folder, last = path_of(seen.table, name)
         title = read_title(last)
         kind = title.kind or (stem if title.part else None)
+        if kind == "free":
+            seen.free.append(name)
         if kind in ("acc", "gyr", "mag", "quaternion") and title.part:
             key = (folder or title.owner, kind)
             parts.setdefault(key, {}).setdefault(title.part, name)

@@ -128,6 +128,37 @@ def test_files_of_one_quantity_each_become_one_sensor(table, xyz, motion, round_
     check(round_trip(*files), m)
 
 
+@pytest.mark.parametrize(("titles", "parts"), [("qi qj qk qr", "xyzw"), ("q0 q1 q2 q3", "wxyz")])
+def test_a_quaternion_by_its_titles_beside_the_clock_of_a_board(
+    titles, parts, table, xyz, motion, round_trip
+):
+    m = motion(600)
+    q = dict(zip("wxyz", m.q.T, strict=True))
+    columns = {"millis": np.round(m.t * 1000)} | xyz("a{}", m.acc, "xyz")
+    columns |= {title: q[part] for title, part in zip(titles.split(), parts, strict=True)}
+    samples, rate = round_trip(table("d.csv", columns))
+    assert rate == pytest.approx(100.0)
+    assert np.abs(np.sum(samples.device_q * m.q, axis=1)).min() > 1 - 1e-8
+
+
+def test_acceleration_without_gravity_is_left_out(table, xyz, motion, tmp_path):
+    m = motion(2400)
+    columns = {"t": m.t} | xyz("gyr_{}", m.gyr, "xyz") | xyz("FreeAcc_{}", m.acc, "XYZ")
+    found = guess_mapping([str(table("d.csv", columns))], str(tmp_path / "free.yaml"))
+    assert "FreeAcc_X, FreeAcc_Y, FreeAcc_Z: left out" in found.seen[0]
+    columns = {"t": m.t} | xyz("gyr_{}", m.gyr, "xyz") | xyz("LinAcc{}", 1e-3 * m.acc, "XYZ")
+    found = guess_mapping([str(table("d.csv", columns))], str(tmp_path / "linear.yaml"))
+    assert "gravity was removed" in found.seen[0]
+    assert "acc:" not in (tmp_path / "linear.yaml").read_text()
+
+
+def test_the_command_names_what_the_import_asks_for(table, xyz, motion, tmp_path):
+    m = motion(600)
+    columns = xyz("a{}", m.acc, "xyz") | xyz("g{}", 0 * m.gyr, "xyz")
+    found = guess_mapping([str(table("d.csv", columns))], str(tmp_path / "m.yaml"))
+    assert found.open_options == ("--rate HZ", "--unit gyr=UNIT")
+
+
 def test_two_sensors_in_one_file_are_two(table, xyz, motion, round_trip):
     m = motion(2400)
     columns = {"t": m.t}
@@ -191,6 +222,13 @@ def test_what_fits_nothing_is_told(content, said, tmp_path):
         ("Accel_LN_Z_CAL", "acc", "z", ""),
         ("PacketCounter", "counter", "", ""),
         ("price", None, "", ""),
+        ("millis", "time", "", "ms"),
+        ("us", "time", "", "us"),
+        ("qr", "quaternion", "w", ""),
+        ("quat_i", "quaternion", "x", ""),
+        ("acc_x_r", "acc", "x", ""),
+        ("FreeAcc_X", "free", "x", ""),
+        ("userAcceleration.x(G)", "free", "x", "G"),
     ],
 )
 def test_what_a_title_says(title, kind, part, unit):
