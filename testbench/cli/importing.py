@@ -168,6 +168,7 @@ def _guess(files: list[Path], out: Path | None, json: bool) -> None:
         say_json(
             {
                 "formats": found.formats,
+                "mappings": found.shipped,
                 "seen": found.seen,
                 "mapping": None if found.mapping is None else str(found.mapping),
             }
@@ -175,9 +176,12 @@ def _guess(files: list[Path], out: Path | None, json: bool) -> None:
         return
     for name, what in found.formats.items():
         say(f"format {name}: {what}")
-        asked = re.search(r"--unit \w+=UNIT|--rate HZ", what)
+        asked = re.search(r"--unit \w+=\w+|--rate HZ", what)
         options = f" {asked[0]}" if asked and what.startswith("it asks") else ""
         say(f"  testbench import {name} {names}{options} --out SESSION")
+    for name, what in found.shipped.items():
+        say(f"mapping {name}, which ships: {what}")
+        say(f"  testbench import generic {names} --mapping {name} --out SESSION")
     for sentence in found.seen:
         say(sentence)
     if found.mapping is not None:

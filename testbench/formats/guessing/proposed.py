@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from testbench.consistency.evidence import Evidence
-from testbench.formats.guessing.seen import Quantity, Seen, look, path_of
+from testbench.formats.guessing.seen import KINDS, Quantity, Seen, look, path_of
 from testbench.formats.guessing.told import (
     Time,
     by_values,
@@ -161,7 +161,7 @@ def _sensor(
     if evidence is None and acc is not None:
         evidence = evidence_in(seen, acc.names, gyr.names if gyr else None, rate)
     parts: dict[str, Any] = {}
-    for kind in ("acc", "gyr", "mag", "quaternion"):
+    for kind in KINDS:
         if kind not in quantities:
             continue
         found = quantities[kind]
@@ -175,9 +175,10 @@ def _sensor(
                 "was removed; take the columns with gravity"
             )
             continue
-        if kind == "quaternion":
+        if KINDS[kind] == 4:
             parts[kind] = where | orientation_told(seen, found, acc)
-            said.append(f"{label}: quaternion in {shown}")
+            what = "truth, of a reference system by its title," if kind == "truth" else kind
+            said.append(f"{label}: {what} in {shown}")
             continue
         unit, why = unit_told(kind, found, seen, evidence)
         parts[kind] = where | ({"unit": unit} if unit else {})

@@ -18,6 +18,8 @@ from testbench.formats.tables.parquet_table import ParquetTable
 from testbench.formats.tables.source import first_rows
 from testbench.formats.tables.text_table import TextTable
 
+KINDS = {"acc": 3, "gyr": 3, "mag": 3, "quaternion": 4, "truth": 4}
+"""Quantities of a sensor in a mapping, and how many columns each has."""
 ROWS_LOOKED_AT = 100_000
 
 
@@ -127,7 +129,7 @@ def _by_title(seen: Seen) -> dict[str, dict[str, Quantity]]:
         kind = title.kind or (stem if title.part else None)
         if kind == "free":
             seen.free.append(name)
-        if kind in ("acc", "gyr", "mag", "quaternion") and title.part:
+        if kind in KINDS and title.part:
             key = (folder or title.owner, kind)
             parts.setdefault(key, {}).setdefault(title.part, name)
             units.setdefault(key, title.unit)
@@ -140,7 +142,7 @@ def _by_title(seen: Seen) -> dict[str, dict[str, Quantity]]:
         folder, last = path_of(seen.table, array)
         title = read_title(last)
         kind = title.kind
-        width = {"acc": 3, "gyr": 3, "mag": 3, "quaternion": 4}.get(kind or "")
+        width = KINDS.get(kind or "")
         if kind is not None and len(columns_of) == width:
             found = Quantity([*columns_of], columns_of, title.unit, array)
             sensors.setdefault(folder, {}).setdefault(kind, found)
@@ -155,7 +157,7 @@ def _of_one_owner(sensors: dict[str, dict[str, Quantity]]) -> dict[str, dict[str
     kinds = [kind for of in sensors.values() for kind in of]
     if len(sensors) > 1 and len(set(kinds)) == len(kinds):
         return {"": {kind: q for of in sensors.values() for kind, q in of.items()}}
-    return {owner: of for owner, of in sensors.items() if of.keys() - {"mag"}} or sensors
+    return {owner: of for owner, of in sensors.items() if of.keys() - {"mag", "truth"}} or sensors
 
 
 def column_of(seen: Seen, name: str) -> str | int:

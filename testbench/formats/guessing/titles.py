@@ -23,6 +23,10 @@ _WORDS = {
 _FILLERS = {"rate", "velocity", "of", "specific", "linear", "cal", "data", "sensor", "imu", "the"}
 _WITHOUT_GRAVITY = {"free", "user"}
 """Words before an acceleration without gravity: Xsens writes FreeAcc, Apple userAcceleration."""
+_OF_TRUTH = {"opt", "optical", "truth", "ref", "reference", "mocap", "vicon", "gt", "groundtruth"}
+"""Words before a quaternion that the sensor did not make: BROAD writes opt_quat."""
+_QUATERNIONS = ("quaternion", "truth")
+_LIKE = {"free": "acc", "truth": "quaternion"}
 _LETTERS = {"a": "acc", "g": "gyr", "w": "gyr", "m": "mag", "q": "quaternion", "b": "mag"}
 _PARTS = {"x", "y", "z", "w", "0", "1", "2", "3", "i", "j", "k", "s"}
 _UNIT = re.compile(r"\s*[\[(]\s*([^\[\]()]*(?:\([^()]*\))?[^\[\]()]*)\s*[\])]\s*$")
@@ -48,7 +52,8 @@ class Title:
 
     Attributes:
         kind: acc, gyr, mag, quaternion, time, counter or temperature; free where it is acceleration
-            without gravity; None where it says none.
+            without gravity, truth where it is the quaternion of a reference system; None where it
+            says none.
         part: Axis x, y or z, or part w, x, y or z of a quaternion; "" for a whole.
         unit: As it is written; "" where it is not.
         owner: What is left: the sensor; "" for one alone.
@@ -88,7 +93,9 @@ def read_title(title: str) -> Title:
         unit = next((_WORDS_OF_TIME[word] for word in words if word in _WORDS_OF_TIME), "")
     if kind == "acc" and _WITHOUT_GRAVITY & set(words):
         kind = "free"
-    known = _WORDS.get("acc" if kind == "free" else kind or "", set()) | _FILLERS | {part, ""}
+    if kind == "quaternion" and _OF_TRUTH & set(words):
+        kind, words = "truth", [word for word in words if word not in _OF_TRUTH]
+    known = _WORDS.get(_LIKE.get(kind or "", kind or ""), set()) | _FILLERS | {part, ""}
     rest = [word for word in words if word not in known]
     return Title(kind, _part(kind, part), unit, " ".join(rest))
 
@@ -106,7 +113,7 @@ def _split(word: str) -> list[str]:
 
 def _part(kind: str | None, part: str) -> str:
     """The part as x, y, z and w; numbers of vectors and quaternions stay as they are."""
-    if kind == "quaternion":
+    if kind in _QUATERNIONS:
         return {"i": "x", "j": "y", "k": "z", "s": "w", "r": "w"}.get(part, part)
     return part if part in {"x", "y", "z", "0", "1", "2", "3"} else ""
 
@@ -126,7 +133,7 @@ def in_order(parts: dict[str, str], kind: str) -> list[str] | None:
         parts: Columns by their part.
         kind: Of the quantity.
     """
-    orders = ["wxyz", "0123"] if kind == "quaternion" else ["xyz", "123", "012"]
+    orders = ["wxyz", "0123"] if kind in _QUATERNIONS else ["xyz", "123", "012"]
     return next(
         ([parts[p] for p in order] for order in orders if all(p in parts for p in order)), None
     )

@@ -141,6 +141,34 @@ def test_a_quaternion_by_its_titles_beside_the_clock_of_a_board(
     assert np.abs(np.sum(samples.device_q * m.q, axis=1)).min() > 1 - 1e-8
 
 
+def test_the_quaternion_of_a_reference_system_is_truth(tmp_path, motion, clock):
+    m = motion(600)
+    with h5py.File(tmp_path / "d.h5", "w") as file:
+        file["imu_acc"], file["imu_gyr"], file["opt_quat"] = m.acc, m.gyr, m.q
+        file["sampling_rate"] = 100.0
+    found = guess_mapping([str(tmp_path / "d.h5")], str(tmp_path / "m.yaml"))
+    asked = Options(str(found.mapping), units={"gyr": "rad/s"} if found.open_options else {})
+    session = import_recording("generic", [tmp_path / "d.h5"], tmp_path / "s", clock, asked)
+    assert session.truth("imu") is not None and session.imu("imu").device_q is None
+
+
+def test_candidates_are_those_that_the_files_speak_of(table, xyz, motion, tmp_path):
+    m = motion(600)
+    columns = {"time": m.t} | xyz("Acc{}", m.acc, "XYZ") | xyz("Gyr{}", m.gyr, "XYZ")
+    found = guess_mapping([str(table("d.csv", columns))], str(tmp_path / "a.yaml"))
+    assert "technaid" not in found.formats and not found.shipped
+    columns = {title if title == "time" else f"IMU1 {title}": v for title, v in columns.items()}
+    found = guess_mapping([str(table("e.csv", columns))], str(tmp_path / "b.yaml"))
+    assert "technaid" in found.formats
+    ns = {"time": 1_700_000_000_000_000_000 + (m.t * 1e9).round().astype(np.int64)}
+    files = [
+        table(f"{name}.csv", ns | xyz("{}", values, "xyz"))
+        for name, values in (("TotalAcceleration", m.acc), ("Gyroscope", m.gyr))
+    ]
+    found = guess_mapping(map(str, files), str(tmp_path / "c.yaml"))
+    assert list(found.shipped) == ["sensor_logger"]
+
+
 def test_acceleration_without_gravity_is_left_out(table, xyz, motion, tmp_path):
     m = motion(2400)
     columns = {"t": m.t} | xyz("gyr_{}", m.gyr, "xyz") | xyz("FreeAcc_{}", m.acc, "XYZ")
