@@ -12,6 +12,7 @@ from itertools import islice
 
 from testbench.consistency.evidence import Evidence, evidence_of
 from testbench.exceptions import InputError
+from testbench.formats.raw_counts import counts_hint, rate_factors
 from testbench.formats.units import Unit, find_unit, unit_names
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.findings.catalogue import finding
@@ -45,8 +46,8 @@ def unit_that_fits(quantity: str, evidence: Evidence) -> Unit | None:
     """
     units = [find_unit(quantity, name) for name in unit_names(quantity)]
     if quantity == "gyr":
-        name = evidence.unit_of_rate({unit.name: unit.factor for unit in units})
-        return None if name is None else find_unit(quantity, name)
+        name = evidence.unit_of_rate(rate_factors())
+        return next((unit for unit in units if unit.name == name), None)
     norm = evidence.rest_norm
     if norm is None:
         return None
@@ -98,5 +99,5 @@ def _decide(quantity: str, evidence: Evidence, sensor: str, answer: str) -> Unit
         seen = "it hardly turns, or not as the accelerometer does, which thus cannot tell"
     raise InputError(
         f"sensor '{sensor}': in which unit is the {word}? The file does not say, and {seen}. "
-        f"Answer with {answer} ({choices})."
+        f"Answer with {answer} ({choices}).{counts_hint(quantity, evidence)}"
     )
