@@ -20,6 +20,7 @@ from testbench.formats.guessing.told import (
 )
 from testbench.formats.names import unique_names
 from testbench.formats.plausibility import no_gravity
+from testbench.formats.raw_counts import UNIT_OF_COUNTS, counts_per_unit
 
 
 def proposed_mapping(files: Sequence[Path], said: list[str]) -> dict[str, Any]:
@@ -68,6 +69,8 @@ def _of_one_file(seen: Seen, said: list[str]) -> dict[str, Any]:
     sensors: dict[str, Any] = {}
     if seen.free:
         said.append(f"{', '.join(seen.free)}: left out, an acceleration without gravity")
+    if seen.second:
+        said.append(f"{seen.table.file.name}: two lines of titles are read as one")
     owners = list(seen.sensors)
     labels = unique_names(owner.rpartition("/")[2] or "imu" for owner in owners)
     times: dict[tuple[str, str], Time | None] = {}
@@ -101,7 +104,7 @@ def _of_one_file(seen: Seen, said: list[str]) -> dict[str, Any]:
 def _near(seen: Seen, owner: str, length: int) -> list[str]:
     """Columns as long as a sensor's, those of its own group first."""
     fitting = [name for name, values in seen.values.items() if len(values) == length]
-    return sorted(fitting, key=lambda name: path_of(seen.table, name)[0] != owner)
+    return sorted(fitting, key=lambda name: path_of(seen, name)[0] != owner)
 
 
 def _of_one_file_each(looked: list[Seen], said: list[str]) -> dict[str, Any]:
@@ -181,6 +184,14 @@ def _sensor(
             said.append(f"{label}: {what} in {shown}")
             continue
         unit, why = unit_told(kind, found, seen, evidence)
+        counts = None
+        if unit is None and kind != "mag" and evidence is not None:
+            counts = counts_per_unit(kind, evidence)
+        if counts is not None:
+            unit = UNIT_OF_COUNTS[kind]
+            where["scale"] = 1 / counts
+            told = "gravity at rest" if kind == "acc" else "turns as the accelerometer sees them"
+            why = f"raw counts, {counts:g} to one, by {told}: look into the data sheet"
         parts[kind] = where | ({"unit": unit} if unit else {})
         said.append(f"{label}: {kind} in {shown}, {f'in {unit} ({why})' if unit else why}")
     if not parts.keys() & {"acc", "gyr", "quaternion"}:

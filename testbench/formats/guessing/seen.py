@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from testbench.formats.mapping import TextLayout
 from testbench.formats.tables.array_table import ArrayTable
 from testbench.formats.tables.parquet_table import ParquetTable
 from testbench.formats.tables.source import first_rows
-from testbench.formats.tables.text_table import TextTable
+from testbench.formats.tables.text_table import TextTable, head_of, split_line
 
 KINDS = {"acc": 3, "gyr": 3, "mag": 3, "quaternion": 4, "truth": 4}
 """Quantities of a sensor in a mapping, and how many columns each has."""
@@ -50,6 +51,8 @@ class Seen:
         values: First rows of its columns of numbers.
         clocks: Columns of times of day.
         sensors: Quantities by sensor, as titles tell them; empty where they tell none.
+        second: Titles of a second line, by column; joined to those of the first where these alone
+            tell no quantity, or stand more than once.
         free: Columns of acceleration without gravity, which no sensor here takes.
     """
 
@@ -58,6 +61,7 @@ class Seen:
     values: dict[str, np.ndarray]
     clocks: list[str]
     sensors: dict[str, dict[str, Quantity]] = field(default_factory=dict)
+    second: dict[str, str] = field(default_factory=dict)
     free: list[str] = field(default_factory=list)
 
 
@@ -84,8 +88,25 @@ def look(file: Path) -> Seen:
         rows_read = first_rows(table, dict.fromkeys(group, "float"))
         values |= {name: column[:ROWS_LOOKED_AT] for name, column in rows_read.items()}
     seen = Seen(table, layout, values, clocks)
-    seen.sensors = _by_title(seen) if layout.header else {}
+    if not layout.header:
+        return seen
+    if isinstance(table, TextTable) and layout.lines_below_header:
+        second = _second_titles(table, layout)
+        seen.second = second if table.twice else {}
+        seen.sensors = _by_title(seen)
+        if not seen.sensors and second and not seen.second:
+            seen.second = second
+            seen.sensors = _by_title(seen)
+        return seen
+    seen.sensors = _by_title(seen)
     return seen
+
+
+def _second_titles(table: TextTable, layout: TextLayout) -> dict[str, str]:
+    """The line below the titles by column; nothing where it has another number of fields."""
+    line = head_of(table.file, table.encoding)[table.first_line - 1 - layout.lines_below_header]
+    fields = split_line(line, table.separator)
+    return dict(zip(table.names, fields, strict=True)) if len(fields) == len(table.names) else {}
 
 
 def _is_number(table: Table, name: str) -> bool:
@@ -106,8 +127,15 @@ def _together(table: Table, names: list[str]) -> list[list[str]]:
     return [list(group) for _, group in itertools.groupby(names, lambda n: inside.get(n, n))]
 
 
-def path_of(table: Table, name: str) -> tuple[str, str]:
-    """Group and own name of an array; a column of another table is in no group."""
+def path_of(seen: Seen, name: str) -> tuple[str, str]:
+    """Group and own name of an array; a column of another table is in no group.
+
+    Where there are two lines of titles its own name is both.
+    """
+    table = seen.table
+    if name in seen.second:
+        first = re.sub(r" \(column \d+\)$", "", name)
+        return "", f"{first} {seen.second[name]}"
     if not isinstance(table, ArrayTable):
         return "", name
     folder, _, last = name.rpartition("/")
@@ -124,7 +152,7 @@ def _by_title(seen: Seen) -> dict[str, dict[str, Quantity]]:
     for name in seen.values:
         if name in inside:
             continue
-        folder, last = path_of(seen.table, name)
+        folder, last = path_of(seen, name)
         title = read_title(last)
         kind = title.kind or (stem if title.part else None)
         if kind == "free":
@@ -136,10 +164,10 @@ def _by_title(seen: Seen) -> dict[str, dict[str, Quantity]]:
     for (owner, kind), of in parts.items():
         ordered = in_order(of, kind)
         if ordered is not None:
-            columns: list[str | int] = [*ordered]
+            columns = [column_of(seen, name) for name in ordered]
             sensors.setdefault(owner, {})[kind] = Quantity(columns, ordered, units[owner, kind])
     for array, columns_of in seen.table.arrays.items():
-        folder, last = path_of(seen.table, array)
+        folder, last = path_of(seen, array)
         title = read_title(last)
         kind = title.kind
         width = KINDS.get(kind or "")
@@ -162,6 +190,8 @@ def _of_one_owner(sensors: dict[str, dict[str, Quantity]]) -> dict[str, dict[str
 
 def column_of(seen: Seen, name: str) -> str | int:
     """A column as a mapping names it."""
+    if seen.second:
+        return seen.table.names.index(name) + 1
     return name if seen.layout.header else int(name)
 
 

@@ -23,6 +23,8 @@ _WORDS = {
 _FILLERS = {"rate", "velocity", "of", "specific", "linear", "cal", "data", "sensor", "imu", "the"}
 _WITHOUT_GRAVITY = {"free", "user"}
 """Words before an acceleration without gravity: Xsens writes FreeAcc, Apple userAcceleration."""
+TRIADS = ["xyz", "123", "012"]
+"""Parts of the three columns of a vector, in their order."""
 _OF_TRUTH = {"opt", "optical", "truth", "ref", "reference", "mocap", "vicon", "gt", "groundtruth"}
 """Words before a quaternion that the sensor did not make: BROAD writes opt_quat."""
 _QUATERNIONS = ("quaternion", "truth")
@@ -133,7 +135,7 @@ def in_order(parts: dict[str, str], kind: str) -> list[str] | None:
         parts: Columns by their part.
         kind: Of the quantity.
     """
-    orders = ["wxyz", "0123"] if kind in _QUATERNIONS else ["xyz", "123", "012"]
+    orders = ["wxyz", "0123"] if kind in _QUATERNIONS else TRIADS
     return next(
         ([parts[p] for p in order] for order in orders if all(p in parts for p in order)), None
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from testbench.formats import import_recording
 from testbench.formats.guessing.titles import read_title
 from testbench.formats.options import Options
 from testbench.pipeline.bring_in import guess_mapping
+from tests.conftest import FakeClock
 from tests.formats.foreign_arrays import mat_with_objects
 
 G = 9.80665
@@ -169,6 +171,29 @@ def test_candidates_are_those_that_the_files_speak_of(table, xyz, motion, tmp_pa
     assert list(found.shipped) == ["sensor_logger"]
 
 
+@pytest.mark.parametrize(("acc", "gyr"), [(16384, 131), (2048, 16.4)])
+def test_raw_counts_are_told_with_their_scale(acc, gyr, table, xyz, motion, round_trip, tmp_path):
+    m = motion(2400)
+    columns = {"millis": np.round(m.t * 1000)}
+    columns |= xyz("acc{}", np.round(m.acc / G * acc), "XYZ")
+    columns |= xyz("gyro{}", np.round(np.degrees(m.gyr) * gyr), "XYZ")
+    path = table("d.csv", columns)
+    check(round_trip(path), m, atol=0.01)
+    counts = "scale: [^ ]+|unit: (g|deg/s)$"
+    bare = re.sub(counts, "", (tmp_path / "guessed.yaml").read_text(), flags=re.MULTILINE)
+    (tmp_path / "bare.yaml").write_text(bare)
+
+    def refused(units: dict[str, str]) -> str:
+        asked = Options(str(tmp_path / "bare.yaml"), units=units)
+        with pytest.raises(InputError) as told:
+            import_recording("generic", [path], tmp_path / "t", FakeClock(), asked)
+        return str(told.value)
+
+    assert f"raw counts, {acc} to one g" in refused({})
+    assert f"raw counts, {gyr} to one deg/s" in refused({"acc": "g"})
+    assert "no unit that is stated can confirm" in refused({"acc": "g", "gyr": "deg/s"})
+
+
 def test_acceleration_without_gravity_is_left_out(table, xyz, motion, tmp_path):
     m = motion(2400)
     columns = {"t": m.t} | xyz("gyr_{}", m.gyr, "xyz") | xyz("FreeAcc_{}", m.acc, "XYZ")
@@ -195,6 +220,33 @@ def test_two_sensors_in_one_file_are_two(table, xyz, motion, round_trip):
         columns |= xyz(f"{owner}_gyr_{{}}", m.gyr, "xyz")
     samples, _ = round_trip(table("d.csv", columns), sensor="right")
     np.testing.assert_allclose(samples.acc, -m.acc, atol=1e-5)
+
+
+def test_two_lines_of_titles_are_joined(xyz, motion, round_trip, tmp_path):
+    m = motion(2400)
+    parts = [
+        (side, f"{kind}_{axis}", (values if side == "left" else -values)[:, i])
+        for kind, values in (("acc", m.acc), ("gyr", m.gyr))
+        for i, axis in enumerate("xyz")
+        for side in ("left", "right")
+    ]
+    lines = [("sensor", "axis", np.arange(len(m.t))), ("t", "s", m.t), *parts]
+    head = "\n".join(",".join(line[i] for line in lines) for i in (0, 1))
+    path = tmp_path / "d.csv"
+    np.savetxt(
+        path, np.column_stack([line[2] for line in lines]), "%.9g", ",", header=head, comments=""
+    )
+    samples, _ = round_trip(path, sensor="right")
+    np.testing.assert_allclose(samples.acc, -m.acc, atol=1e-5)
+
+
+@pytest.mark.parametrize("titles", ["t,a,a,a,b,b,b", "t,gyr_x,gyr_y,foo,acc_z,acc_x,bar"])
+def test_numbers_alone_do_not_contradict_titles(titles, motion, tmp_path):
+    m = motion(2400)
+    numbers = np.column_stack([m.t, m.acc, m.gyr])
+    np.savetxt(tmp_path / "d.csv", numbers, "%.9g", ",", header=titles, comments="")
+    with pytest.raises(InputError, match="is recognised among its columns"):
+        guess_mapping([str(tmp_path / "d.csv")], str(tmp_path / "m.yaml"))
 
 
 def test_a_vendors_format_is_named_and_nothing_is_overwritten(
