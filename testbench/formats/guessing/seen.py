@@ -15,9 +15,10 @@ from testbench.formats.guessing.text_layout import find_layout, numeric_columns
 from testbench.formats.guessing.titles import in_order, read_title
 from testbench.formats.mapping import TextLayout
 from testbench.formats.tables.array_table import ArrayTable
+from testbench.formats.tables.fields import split_line
 from testbench.formats.tables.parquet_table import ParquetTable
 from testbench.formats.tables.source import first_rows
-from testbench.formats.tables.text_table import TextTable, head_of, split_line
+from testbench.formats.tables.text_table import TextTable, head_of
 
 KINDS = {"acc": 3, "gyr": 3, "mag": 3, "quaternion": 4, "truth": 4}
 """Quantities of a sensor in a mapping, and how many columns each has."""

@@ -25,6 +25,8 @@ SLOWEST, FASTEST = 4.0, 4000.0
 STAMP_UNITS = ("s", "ms", "us", "ns")
 FIELDS = {"uT": (15.0, 120.0), "mG": (150.0, 1200.0), "nT": (15e3, 120e3), "G": (0.15, 0.65)}
 """Strengths of magnetic fields that sensors meet; the earth's is 25 to 65 uT (IGRF-13)."""
+MOST_BACK = 1e-3
+"""Part of the steps of a clock that may go back: those of a board that booted anew."""
 MOST_TRIADS = 10
 LEAST_ROWS = 4
 _RATE = re.compile(r"^(fs|f_s|rate|freq\w*)(_?hz)?$|sampl\w*_?(rate|freq\w*)", re.IGNORECASE)
@@ -56,7 +58,11 @@ def time_of(seen: Seen, among: Sequence[str]) -> Time | None:
     for name in titled:
         values = seen.values[name]
         steps = np.diff(values)
-        if len(values) < LEAST_ROWS or not np.isfinite(values).all() or (steps < 0).any():
+        if (
+            len(values) < LEAST_ROWS
+            or not np.isfinite(values).all()
+            or np.mean(steps < 0) > MOST_BACK
+        ):
             continue
         mean = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
         mean = float(steps[steps <= 5 * mean].mean()) if mean else 0.0

@@ -15,7 +15,8 @@ import numpy as np
 
 from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.bytes_stream import LineStream, encoding_of
-from testbench.formats.tables.text_table import guess_separator, split_line
+from testbench.formats.tables.fields import split_line
+from testbench.formats.tables.text_table import guess_separator
 from testbench.formats.truth.number_rows import number_rows
 from testbench.formats.truth.tracked import METRES, Tracked, frame_times, points, quaternions
 
