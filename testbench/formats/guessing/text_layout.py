@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from testbench.exceptions import FileProblems, Problem
+from testbench.exceptions import FileProblems, Problem, one_line
 from testbench.formats.mapping import TextLayout
 from testbench.formats.tables.fields import MISSING, NUMBER, split_line
 from testbench.formats.tables.text_table import guess_separator, head_of
@@ -45,7 +45,7 @@ def find_layout(file: Path) -> tuple[TextLayout, list[list[str]]]:
                 skip = at if any(row.strip(' "') and not _is_sep(row) for row in lines[:at]) else 0
                 found = {"encoding": encoding, "skip_lines": skip, "lines_below_header": below}
                 return TextLayout.model_validate(found), rows
-    shown = next(line for line in lines if line.strip())[:60].encode("unicode_escape").decode()
+    shown = one_line(next(line for line in lines if line.strip())[:60])
     raise FileProblems(
         file, [Problem(f"no table of numbers is found at its beginning; it begins with '{shown}'")]
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from testbench.exceptions import one_line
 from testbench.formats.tables.fields import MISSING, NUMBER, split_line
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
@@ -33,7 +34,7 @@ class Broken:
         words = [number for number in self.texts if number != self.cut]
         found = []
         if words:
-            shown = self.texts[words[0]][:40].encode("unicode_escape").decode()
+            shown = one_line(self.texts[words[0]][:40])
             found.append(
                 finding(
                     "structure.lines_of_text",

@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import csv as arrow_csv
 
-from testbench.exceptions import FileProblems, Problem
+from testbench.exceptions import FileProblems, Problem, one_line
 from testbench.formats.tables.broken_lines import Broken, ends_a_line, find_broken, without
 from testbench.formats.tables.bytes_stream import (
     LineStream,
@@ -279,7 +279,7 @@ class TextTable:
                     if kind == "integer"
                     else f"a number with decimal {'comma' if self.decimal == ',' else 'point'}"
                 )
-                shown = text[:40].encode("unicode_escape").decode()
+                shown = one_line(text[:40])
                 return f"'{shown}' in the column {name} is not {what}{_rewritten(text)}"
         return None
 
@@ -394,7 +394,7 @@ def find_table(
     lines = head_of(file, encoding)
     number = next((i for i, line in enumerate(lines) if is_header.search(line)), None)
     if number is None:
-        first = next(line for line in lines if line.strip())[:60].encode("unicode_escape").decode()
+        first = one_line(next(line for line in lines if line.strip())[:60])
         raise FileProblems(
             file,
             [

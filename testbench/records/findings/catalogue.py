@@ -56,10 +56,15 @@ def finding(code: str, where: str = "", **values: Value) -> Finding:
     """
     template = TEMPLATES[code]
     shown = {
-        name: ", ".join(value) if isinstance(value, list) else value
+        name: ", ".join(map(_apart, value)) if isinstance(value, list) else value
         for name, value in values.items()
     }
     parts = [template.seen.format(**shown), template.means.format(**shown)]
     sentence = " - ".join(part for part in parts if part)
     remedy = template.remedy.format(**shown)
     return Finding(code, template.severity, where, sentence, dict(values), remedy)
+
+
+def _apart(item: str) -> str:
+    """One of a list; a map of axes, which has commas of its own, in braces."""
+    return f"{{{item}}}" if item.startswith("x: ") else item
