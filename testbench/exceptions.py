@@ -47,6 +47,11 @@ class Problem:
     column: int | None = None
 
 
+def one_line(text: str) -> str:
+    """The text with every character that would break or colour a line escaped."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 class FileProblems(InputError):
     """An input file was refused.
 

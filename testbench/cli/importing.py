@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -161,11 +163,12 @@ def _guess(files: list[Path], out: Path | None, json: bool) -> None:
     from testbench.pipeline.bring_in import guess_mapping
 
     found = guess_mapping(map(str, files), None if out is None else str(out))
-    names = " ".join(map(str, files))
+    names = shlex.join(map(str, files))
     if json:
         say_json(
             {
                 "formats": found.formats,
+                "mappings": found.shipped,
                 "seen": found.seen,
                 "mapping": None if found.mapping is None else str(found.mapping),
             }
@@ -173,12 +176,19 @@ def _guess(files: list[Path], out: Path | None, json: bool) -> None:
         return
     for name, what in found.formats.items():
         say(f"format {name}: {what}")
-        say(f"  testbench import {name} {names} --out SESSION")
+        asked = re.search(r"--unit \w+=\w+|--rate HZ", what)
+        options = f" {asked[0]}" if asked and what.startswith("it asks") else ""
+        say(f"  testbench import {name} {names}{options} --out SESSION")
+    for name, what in found.shipped.items():
+        say(f"mapping {name}, which ships: {what}")
+        say(f"  testbench import generic {names} --mapping {name} --out SESSION")
     for sentence in found.seen:
         say(sentence)
     if found.mapping is not None:
         say(f"mapping: {found.mapping}")
-        say(f"  testbench import generic {names} --mapping {found.mapping} --out SESSION")
+        options = "".join(f" {option}" for option in found.open_options)
+        mapping = shlex.quote(str(found.mapping))
+        say(f"  testbench import generic {names} --mapping {mapping}{options} --out SESSION")
 
 
 def _say_imported(session: Session, json: bool) -> None:

@@ -57,8 +57,8 @@ def say_note(message: str) -> None:
 
 
 def say_findings(findings: Iterable[Finding]) -> None:
-    """A line a finding, which says how much it weighs."""
-    for finding in findings:
+    """A line a finding, which says how much it weighs; what weighs more stands first."""
+    for finding in sorted(findings, key=lambda one: one.severity != "warning"):
         say(f"{finding.severity}: {finding}")
 
 

@@ -7,8 +7,12 @@ from collections.abc import Collection, Iterable, Iterator
 from testbench.consistency.checks import CONTRADICTIONS, UNKNOWN_UP, Up, check_excerpt
 from testbench.consistency.excerpt import Thinner, thin
 from testbench.exceptions import InputError
+from testbench.frames import STANDARD_GRAVITY
 from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples
+
+MOST_AT_REST = 10 * STANDARD_GRAVITY
+"""|acc| at rest that no person can confirm [m/s^2]: counts, or mg, in a wrong unit."""
 
 
 def check_samples(chunks: Iterable[ImuSamples], up: Up = UNKNOWN_UP) -> list[Finding]:
@@ -66,6 +70,14 @@ def refuse_contradictions(
         InputError: Says what is seen, what it means, and how to answer.
     """
     for found in findings:
+        norm = found.values.get("norm_m_s2")
+        if isinstance(norm, float) and norm > MOST_AT_REST:
+            raise InputError(
+                f"sensor '{sensor}': |acc| is {norm:.4g} m/s^2 at rest or on the average, where "
+                "gravity is 9.81: no unit that is stated can confirm that. Raw counts want the "
+                "keys acc.scale (1/16384 of 2 g ranges of 16 bits) and acc.unit of a mapping; "
+                "`testbench import --guess FILE` looks which"
+            )
         about = CONTRADICTIONS.get(found.code)
         if about is not None and not about & set(answered):
             raise InputError(f"sensor '{sensor}': {found}")

@@ -8,15 +8,9 @@ from testbench.exceptions import FileProblems, Problem
 from testbench.formats.mapping import TextLayout
 from testbench.formats.tables.array_table import ArrayTable
 from testbench.formats.tables.binary_kinds import HDF5, MATLAB, PARQUET, BinaryKind, binary_kind
+from testbench.formats.tables.fields import BLANKS, split_line
 from testbench.formats.tables.parquet_table import ParquetTable
-from testbench.formats.tables.text_table import (
-    BLANKS,
-    TextTable,
-    decimal_of,
-    guess_separator,
-    head_of,
-    split_line,
-)
+from testbench.formats.tables.text_table import TextTable, decimal_of, guess_separator, head_of
 
 Table = TextTable | ParquetTable | ArrayTable
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": BLANKS}

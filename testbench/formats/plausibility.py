@@ -12,6 +12,7 @@ from itertools import islice
 
 from testbench.consistency.evidence import Evidence, evidence_of
 from testbench.exceptions import InputError
+from testbench.formats.raw_counts import counts_hint, rate_factors
 from testbench.formats.units import Unit, find_unit, unit_names
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.findings.catalogue import finding
@@ -21,12 +22,19 @@ from testbench.records.session.samples import ImuSamples
 UNSTATED_WITHIN = 0.2
 """|acc| at rest may differ from gravity by so much: sensors without calibration are wrong by 10 %.
 """
+NO_GRAVITY_BELOW = 0.3
+"""|acc| at rest in any unit: gravity is 1 g at least, so that numbers below are without it."""
 MOST_CHUNKS = 20
 
 
 def gather(chunks: Iterable[ImuSamples]) -> Evidence:
     """Look at the first samples of a recording, in any units."""
     return evidence_of(islice(chunks, MOST_CHUNKS))
+
+
+def no_gravity(evidence: Evidence) -> bool:
+    """Whether an accelerometer reads next to nothing at rest, in whatever unit."""
+    return evidence.rest_norm is not None and evidence.rest_norm < NO_GRAVITY_BELOW
 
 
 def unit_that_fits(quantity: str, evidence: Evidence) -> Unit | None:
@@ -38,8 +46,8 @@ def unit_that_fits(quantity: str, evidence: Evidence) -> Unit | None:
     """
     units = [find_unit(quantity, name) for name in unit_names(quantity)]
     if quantity == "gyr":
-        name = evidence.unit_of_rate({unit.name: unit.factor for unit in units})
-        return None if name is None else find_unit(quantity, name)
+        name = evidence.unit_of_rate(rate_factors())
+        return next((unit for unit in units if unit.name == name), None)
     norm = evidence.rest_norm
     if norm is None:
         return None
@@ -73,6 +81,13 @@ def _decide(quantity: str, evidence: Evidence, sensor: str, answer: str) -> Unit
     fitting = unit_that_fits(quantity, evidence)
     if fitting is not None:
         return fitting
+    choices = ", ".join(unit_names(quantity))
+    if quantity == "acc" and no_gravity(evidence):
+        raise InputError(
+            f"sensor '{sensor}': its accelerometer reads {evidence.rest_norm:.4g} at rest, which "
+            "is no gravity in any unit: gravity was removed. Take the columns (or the file) with "
+            f"gravity; if it is there, state the unit with {answer} ({choices})."
+        )
     word = "accelerometer" if quantity == "acc" else "gyroscope"
     if quantity == "acc":
         seen = (
@@ -82,8 +97,7 @@ def _decide(quantity: str, evidence: Evidence, sensor: str, answer: str) -> Unit
         )
     else:
         seen = "it hardly turns, or not as the accelerometer does, which thus cannot tell"
-    choices = ", ".join(unit_names(quantity))
     raise InputError(
         f"sensor '{sensor}': in which unit is the {word}? The file does not say, and {seen}. "
-        f"Answer with {answer} ({choices})."
+        f"Answer with {answer} ({choices}).{counts_hint(quantity, evidence)}"
     )

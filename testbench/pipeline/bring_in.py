@@ -66,10 +66,10 @@ def guess_mapping(files: Iterable[str], out: str | None = None) -> Guessed:
     paths = [Path(file) for file in files]
     found = guess(paths)
     if found.mapping is None:
-        return Guessed(found.formats, found.seen, None)
+        return Guessed(found.formats, found.shipped, found.seen, None)
     path = Path(out) if out is not None else Path(default_name(paths))
     write_new(path, mapping_yaml(found.mapping, found.seen))
-    return Guessed(found.formats, found.seen, path)
+    return Guessed(found.formats, found.shipped, found.seen, path, tuple(found.open_options))
 
 
 @dataclass(frozen=True)
@@ -78,13 +78,17 @@ class Guessed:
 
     Attributes:
         formats: Those that read them, each with what it finds or asks.
+        shipped: Mappings that ship with the bench and read them.
         seen: What the mapping rests on.
         mapping: Where that was written; None where no columns were recognised.
+        open_options: Options that the import by it asks for.
     """
 
     formats: dict[str, str]
+    shipped: dict[str, str]
     seen: list[str]
     mapping: Path | None
+    open_options: tuple[str, ...] = ()
 
 
 def _truth(asked: TruthRequest) -> TruthOptions:

@@ -64,8 +64,8 @@ TEXT = {
     "blank": (b"\n\n \n", "nothing but blank lines"),
     "header only": (GOOD.split("\n1,")[0].encode() + b"\n", "no samples after the header"),
     "cut off": (
-        GOOD.encode()[:9000],
-        r":\d+: has \d fields where 9 are expected; the file may be cut off",
+        replaced("\n300,5000100,0.0,", "\n300,5000100,"),
+        r":306: has 8 fields where 9 are expected; the file may be cut off",
     ),
     "cut header": (GOOD.encode()[:90], "not an Xsens DOT export|no column|no samples"),
     "word": (
@@ -97,6 +97,10 @@ TEXT = {
             GOOD,
         ).encode(),
         r":206: time goes back from 3.316\d+ s to 0.016667 s and does not return",
+    ),
+    "words too often": (
+        re.sub(r"(?m)^(\d*00,)", r"I2C error\n" * 3 + r"\1", GOOD).encode(),
+        r":\d+: has 1 fields where 9 are expected",
     ),
     "too many fields": (
         replaced("\n300,", "\n7,300,"),

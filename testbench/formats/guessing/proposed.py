@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from testbench.consistency.evidence import Evidence
-from testbench.formats.guessing.seen import Quantity, Seen, look, path_of
+from testbench.formats.guessing.seen import KINDS, Quantity, Seen, look, path_of
 from testbench.formats.guessing.told import (
     Time,
     by_values,
@@ -19,6 +19,8 @@ from testbench.formats.guessing.told import (
     unit_told,
 )
 from testbench.formats.names import unique_names
+from testbench.formats.plausibility import no_gravity
+from testbench.formats.raw_counts import UNIT_OF_COUNTS, counts_per_unit
 
 
 def proposed_mapping(files: Sequence[Path], said: list[str]) -> dict[str, Any]:
@@ -65,6 +67,10 @@ def _is_whole(seen: Seen) -> bool:
 def _of_one_file(seen: Seen, said: list[str]) -> dict[str, Any]:
     """A mapping of a file with one or more sensors."""
     sensors: dict[str, Any] = {}
+    if seen.free:
+        said.append(f"{', '.join(seen.free)}: left out, an acceleration without gravity")
+    if seen.second:
+        said.append(f"{seen.table.file.name}: two lines of titles are read as one")
     owners = list(seen.sensors)
     labels = unique_names(owner.rpartition("/")[2] or "imu" for owner in owners)
     times: dict[tuple[str, str], Time | None] = {}
@@ -88,6 +94,8 @@ def _of_one_file(seen: Seen, said: list[str]) -> dict[str, Any]:
     else:
         said.append(f"{seen.table.file.name}: no times are recognised; state --rate HZ")
     for (label, kind), own in times.items():
+        if kind not in sensors[label]:
+            continue
         if own is not None and common is not None and own.column != common.column:
             sensors[label][kind]["time"] = {"column": own.column, "unit": own.unit}
     return result | {"sensors": sensors}
@@ -96,7 +104,7 @@ def _of_one_file(seen: Seen, said: list[str]) -> dict[str, Any]:
 def _near(seen: Seen, owner: str, length: int) -> list[str]:
     """Columns as long as a sensor's, those of its own group first."""
     fitting = [name for name, values in seen.values.items() if len(values) == length]
-    return sorted(fitting, key=lambda name: path_of(seen.table, name)[0] != owner)
+    return sorted(fitting, key=lambda name: path_of(seen, name)[0] != owner)
 
 
 def _of_one_file_each(looked: list[Seen], said: list[str]) -> dict[str, Any]:
@@ -156,7 +164,7 @@ def _sensor(
     if evidence is None and acc is not None:
         evidence = evidence_in(seen, acc.names, gyr.names if gyr else None, rate)
     parts: dict[str, Any] = {}
-    for kind in ("acc", "gyr", "mag", "quaternion"):
+    for kind in KINDS:
         if kind not in quantities:
             continue
         found = quantities[kind]
@@ -164,11 +172,28 @@ def _sensor(
         if found.array is not None:
             where = {"array": found.array}
         shown = found.array or ", ".join(map(str, found.columns))
-        if kind == "quaternion":
+        if kind == "acc" and evidence is not None and no_gravity(evidence):
+            said.append(
+                f"{label}: {shown} left out, which reads {evidence.rest_norm:.3g} at rest: gravity "
+                "was removed; take the columns with gravity"
+            )
+            continue
+        if KINDS[kind] == 4:
             parts[kind] = where | orientation_told(seen, found, acc)
-            said.append(f"{label}: quaternion in {shown}")
+            what = "truth, of a reference system by its title," if kind == "truth" else kind
+            said.append(f"{label}: {what} in {shown}")
             continue
         unit, why = unit_told(kind, found, seen, evidence)
+        counts = None
+        if unit is None and kind != "mag" and evidence is not None:
+            counts = counts_per_unit(kind, evidence)
+        if counts is not None:
+            unit = UNIT_OF_COUNTS[kind]
+            where["scale"] = 1 / counts
+            told = "gravity at rest" if kind == "acc" else "turns as the accelerometer sees them"
+            why = f"raw counts, {counts:g} to one, by {told}: look into the data sheet"
         parts[kind] = where | ({"unit": unit} if unit else {})
         said.append(f"{label}: {kind} in {shown}, {f'in {unit} ({why})' if unit else why}")
+    if not parts.keys() & {"acc", "gyr", "quaternion"}:
+        raise seen.table.problem(f"nothing is left to be a sensor: {said[-1]}")
     return parts

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,10 +15,13 @@ from testbench.formats.guessing.text_layout import find_layout, numeric_columns
 from testbench.formats.guessing.titles import in_order, read_title
 from testbench.formats.mapping import TextLayout
 from testbench.formats.tables.array_table import ArrayTable
+from testbench.formats.tables.fields import split_line
 from testbench.formats.tables.parquet_table import ParquetTable
 from testbench.formats.tables.source import first_rows
-from testbench.formats.tables.text_table import TextTable
+from testbench.formats.tables.text_table import TextTable, head_of
 
+KINDS = {"acc": 3, "gyr": 3, "mag": 3, "quaternion": 4, "truth": 4}
+"""Quantities of a sensor in a mapping, and how many columns each has."""
 ROWS_LOOKED_AT = 100_000
 
 
@@ -48,6 +52,9 @@ class Seen:
         values: First rows of its columns of numbers.
         clocks: Columns of times of day.
         sensors: Quantities by sensor, as titles tell them; empty where they tell none.
+        second: Titles of a second line, by column; joined to those of the first where these alone
+            tell no quantity, or stand more than once.
+        free: Columns of acceleration without gravity, which no sensor here takes.
     """
 
     table: Table
@@ -55,6 +62,8 @@ class Seen:
     values: dict[str, np.ndarray]
     clocks: list[str]
     sensors: dict[str, dict[str, Quantity]] = field(default_factory=dict)
+    second: dict[str, str] = field(default_factory=dict)
+    free: list[str] = field(default_factory=list)
 
 
 def look(file: Path) -> Seen:
@@ -80,8 +89,25 @@ def look(file: Path) -> Seen:
         rows_read = first_rows(table, dict.fromkeys(group, "float"))
         values |= {name: column[:ROWS_LOOKED_AT] for name, column in rows_read.items()}
     seen = Seen(table, layout, values, clocks)
-    seen.sensors = _by_title(seen) if layout.header else {}
+    if not layout.header:
+        return seen
+    if isinstance(table, TextTable) and layout.lines_below_header:
+        second = _second_titles(table, layout)
+        seen.second = second if table.twice else {}
+        seen.sensors = _by_title(seen)
+        if not seen.sensors and second and not seen.second:
+            seen.second = second
+            seen.sensors = _by_title(seen)
+        return seen
+    seen.sensors = _by_title(seen)
     return seen
+
+
+def _second_titles(table: TextTable, layout: TextLayout) -> dict[str, str]:
+    """The line below the titles by column; nothing where it has another number of fields."""
+    line = head_of(table.file, table.encoding)[table.first_line - 1 - layout.lines_below_header]
+    fields = split_line(line, table.separator)
+    return dict(zip(table.names, fields, strict=True)) if len(fields) == len(table.names) else {}
 
 
 def _is_number(table: Table, name: str) -> bool:
@@ -102,8 +128,15 @@ def _together(table: Table, names: list[str]) -> list[list[str]]:
     return [list(group) for _, group in itertools.groupby(names, lambda n: inside.get(n, n))]
 
 
-def path_of(table: Table, name: str) -> tuple[str, str]:
-    """Group and own name of an array; a column of another table is in no group."""
+def path_of(seen: Seen, name: str) -> tuple[str, str]:
+    """Group and own name of an array; a column of another table is in no group.
+
+    Where there are two lines of titles its own name is both.
+    """
+    table = seen.table
+    if name in seen.second:
+        first = re.sub(r" \(column \d+\)$", "", name)
+        return "", f"{first} {seen.second[name]}"
     if not isinstance(table, ArrayTable):
         return "", name
     folder, _, last = name.rpartition("/")
@@ -120,23 +153,25 @@ def _by_title(seen: Seen) -> dict[str, dict[str, Quantity]]:
     for name in seen.values:
         if name in inside:
             continue
-        folder, last = path_of(seen.table, name)
+        folder, last = path_of(seen, name)
         title = read_title(last)
         kind = title.kind or (stem if title.part else None)
-        if kind in ("acc", "gyr", "mag", "quaternion") and title.part:
+        if kind == "free":
+            seen.free.append(name)
+        if kind in KINDS and title.part:
             key = (folder or title.owner, kind)
             parts.setdefault(key, {}).setdefault(title.part, name)
             units.setdefault(key, title.unit)
     for (owner, kind), of in parts.items():
         ordered = in_order(of, kind)
         if ordered is not None:
-            columns: list[str | int] = [*ordered]
+            columns = [column_of(seen, name) for name in ordered]
             sensors.setdefault(owner, {})[kind] = Quantity(columns, ordered, units[owner, kind])
     for array, columns_of in seen.table.arrays.items():
-        folder, last = path_of(seen.table, array)
+        folder, last = path_of(seen, array)
         title = read_title(last)
         kind = title.kind
-        width = {"acc": 3, "gyr": 3, "mag": 3, "quaternion": 4}.get(kind or "")
+        width = KINDS.get(kind or "")
         if kind is not None and len(columns_of) == width:
             found = Quantity([*columns_of], columns_of, title.unit, array)
             sensors.setdefault(folder, {}).setdefault(kind, found)
@@ -151,11 +186,13 @@ def _of_one_owner(sensors: dict[str, dict[str, Quantity]]) -> dict[str, dict[str
     kinds = [kind for of in sensors.values() for kind in of]
     if len(sensors) > 1 and len(set(kinds)) == len(kinds):
         return {"": {kind: q for of in sensors.values() for kind, q in of.items()}}
-    return {owner: of for owner, of in sensors.items() if of.keys() - {"mag"}} or sensors
+    return {owner: of for owner, of in sensors.items() if of.keys() - {"mag", "truth"}} or sensors
 
 
 def column_of(seen: Seen, name: str) -> str | int:
     """A column as a mapping names it."""
+    if seen.second:
+        return seen.table.names.index(name) + 1
     return name if seen.layout.header else int(name)
 
 

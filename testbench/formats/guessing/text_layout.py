@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from testbench.exceptions import FileProblems, Problem
+from testbench.exceptions import FileProblems, Problem, one_line
 from testbench.formats.mapping import TextLayout
-from testbench.formats.tables.text_table import MISSING, guess_separator, head_of, split_line
+from testbench.formats.tables.fields import MISSING, NUMBER, split_line
+from testbench.formats.tables.text_table import guess_separator, head_of
 
-NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?|[-+]?(inf|nan)", re.IGNORECASE)
 _MOST_BELOW = 3
 """Lines between titles and samples."""
 _LEAST_NUMBERS = 0.5
@@ -45,7 +45,7 @@ def find_layout(file: Path) -> tuple[TextLayout, list[list[str]]]:
                 skip = at if any(row.strip(' "') and not _is_sep(row) for row in lines[:at]) else 0
                 found = {"encoding": encoding, "skip_lines": skip, "lines_below_header": below}
                 return TextLayout.model_validate(found), rows
-    shown = next(line for line in lines if line.strip())[:60].encode("unicode_escape").decode()
+    shown = one_line(next(line for line in lines if line.strip())[:60])
     raise FileProblems(
         file, [Problem(f"no table of numbers is found at its beginning; it begins with '{shown}'")]
     )
@@ -78,6 +78,8 @@ def numeric_columns(names: list[str], rows: list[list[str]]) -> tuple[list[str],
         rows: The first ones, as text.
     """
     numbers, clocks = [], []
+    # what a logger wrote of its own between the samples
+    rows = [row for row in rows if any(NUMBER.fullmatch(text) for text in row)]
     for i, name in enumerate(names):
         texts = [row[i] for row in rows if i < len(row) and row[i] not in MISSING]
         if texts and all(NUMBER.fullmatch(text) for text in texts):

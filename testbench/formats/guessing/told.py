@@ -12,8 +12,9 @@ import numpy as np
 from testbench.consistency.evidence import Evidence
 from testbench.formats.any_table import Table
 from testbench.formats.guessing.seen import Quantity, Seen, column_of, name_of, path_of
-from testbench.formats.guessing.titles import read_title, unit_of
+from testbench.formats.guessing.titles import TRIADS, read_title, unit_of
 from testbench.formats.plausibility import gather, unit_that_fits
+from testbench.formats.tables.text_table import TextTable
 from testbench.formats.units import SECONDS
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
@@ -24,6 +25,8 @@ SLOWEST, FASTEST = 4.0, 4000.0
 STAMP_UNITS = ("s", "ms", "us", "ns")
 FIELDS = {"uT": (15.0, 120.0), "mG": (150.0, 1200.0), "nT": (15e3, 120e3), "G": (0.15, 0.65)}
 """Strengths of magnetic fields that sensors meet; the earth's is 25 to 65 uT (IGRF-13)."""
+MOST_BACK = 1e-3
+"""Part of the steps of a clock that may go back: those of a board that booted anew."""
 MOST_TRIADS = 10
 LEAST_ROWS = 4
 _RATE = re.compile(r"^(fs|f_s|rate|freq\w*)(_?hz)?$|sampl\w*_?(rate|freq\w*)", re.IGNORECASE)
@@ -48,20 +51,24 @@ def time_of(seen: Seen, among: Sequence[str]) -> Time | None:
     """The column of times among some, its unit, and the rate that comes of both."""
     inside = {column for columns in seen.table.arrays.values() for column in columns}
     candidates = [name for name in among if name not in inside]
-    titled = [n for n in candidates if read_title(path_of(seen.table, n)[1]).kind == "time"]
+    titled = [n for n in candidates if read_title(path_of(seen, n)[1]).kind == "time"]
     if not titled and not seen.layout.header:
         titled = candidates
     # the finest of several clocks, and stamps before whole seconds
     for name in titled:
         values = seen.values[name]
         steps = np.diff(values)
-        if len(values) < LEAST_ROWS or not np.isfinite(values).all() or (steps < 0).any():
+        if (
+            len(values) < LEAST_ROWS
+            or not np.isfinite(values).all()
+            or np.mean(steps < 0) > MOST_BACK
+        ):
             continue
         mean = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
         mean = float(steps[steps <= 5 * mean].mean()) if mean else 0.0
         if mean <= 0:
             continue
-        stated = unit_of("time", read_title(path_of(seen.table, name)[1]).unit)
+        stated = unit_of("time", read_title(path_of(seen, name)[1]).unit)
         for unit in [stated] if stated else STAMP_UNITS:
             rate = 1 / (mean * SECONDS[unit])
             if SLOWEST <= rate <= FASTEST:
@@ -115,7 +122,7 @@ def by_values(seen: Seen) -> dict[str, dict[str, Quantity]]:
     triads = [free[i : i + 3] for i in range(len(free) - 2)][: 3 * MOST_TRIADS]
     rate = time.rate if time is not None else 100.0
     for acc, gyr in itertools.permutations(triads, 2):
-        if set(acc) & set(gyr):
+        if set(acc) & set(gyr) or not (_can_be(seen, acc, "acc") and _can_be(seen, gyr, "gyr")):
             continue
         evidence = evidence_in(seen, acc, gyr, rate)
         if unit_that_fits("acc", evidence) and unit_that_fits("gyr", evidence):
@@ -126,6 +133,17 @@ def by_values(seen: Seen) -> dict[str, dict[str, Quantity]]:
                 }
             }
     return {}
+
+
+def _can_be(seen: Seen, triad: list[str], kind: str) -> bool:
+    """Whether the titles of three columns say nothing else than that they are of a quantity."""
+    if not seen.layout.header:
+        return True
+    if isinstance(seen.table, TextTable) and seen.table.twice:
+        return False  # which of them belong together, nobody knows
+    titles = [read_title(path_of(seen, name)[1]) for name in triad]
+    parts = "".join(title.part for title in titles)
+    return all(title.kind in (None, kind) for title in titles) and parts in ("", *TRIADS)
 
 
 def unit_told(

@@ -286,7 +286,8 @@ def goes_back(before_ns: int, rows: Rows, at: int) -> BadRowError:
     before, after = before_ns / NANOSECONDS, rows.time[at] / NANOSECONDS
     return BadRowError(
         f"time goes back from {before:.6f} s to {after:.6f} s and does not return; samples must "
-        "stand in the order of time: if the recording began again there, cut the file in two",
+        "stand in the order of time: if the recording began again there, cut the file in two, or "
+        "bridge it with --rate HZ",
         int(rows.number[at]),
     )
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.exceptions import FileProblems
+from testbench.formats.tables.broken_lines import left_out
 from testbench.formats.tables.mending import Mender
 from testbench.formats.tables.order import Order
 from testbench.formats.tables.rows import Rows
@@ -109,8 +110,8 @@ class SampleStream:
         return self
 
     def findings(self) -> list[Finding]:
-        """What was noticed of the times in the last pass that came to an end."""
-        return self._findings
+        """What was noticed in the last pass that came to an end: of the times, and of lines."""
+        return [*self._findings, *left_out(self.source)]
 
     def first(self) -> ImuSamples:
         """The first chunk.

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.exceptions import FileProblems, Problem
+from testbench.exceptions import FileProblems, Problem, one_line
 from testbench.formats.tables.bytes_stream import LineStream, encoding_of
 from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import head_of
@@ -72,7 +72,7 @@ class StoTable:
             for (number, _), row in zip(rows, fields, strict=True):
                 for text in row:
                     if not _is_number(text):
-                        shown = text[:40].encode("unicode_escape").decode()
+                        shown = one_line(text[:40])
                         raise self._at(number, f"'{shown}' is not a number") from None
             raise self._at(rows[0][0], "cannot be read as numbers") from None
 

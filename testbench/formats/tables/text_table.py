@@ -6,7 +6,6 @@ say which line is at fault and why.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,21 +17,20 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import csv as arrow_csv
 
-from testbench.exceptions import FileProblems, Problem
+from testbench.exceptions import FileProblems, Problem, one_line
+from testbench.formats.tables.broken_lines import Broken, ends_a_line, find_broken, without
 from testbench.formats.tables.bytes_stream import (
     LineStream,
     check_readable,
     encoding_of,
 )
+from testbench.formats.tables.fields import BLANKS, MISSING, split_line
 from testbench.formats.tables.source import Columns, Kind
 from testbench.records.disk.tables import from_arrow
 
-BLANKS = " "
-"""The separator of files whose columns stand apart by any number of spaces and tabs."""
 HEAD_LINES = 200
 """A header and what stands before it are looked for among so many lines."""
 BLOCK_BYTES = 2 << 20
-MISSING = ["", "NaN", "nan", "NAN", "NA", "N/A", "null", "-nan", "#N/A"]
 _CLOCK = (
     r"(?:(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})[T_ ]+)?"
     r"(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2}(?:[.,]\d+)?))?\s*"
@@ -58,15 +56,6 @@ def head_of(file: Path, encoding: str | None = None) -> list[str]:
     if not any(line.strip() for line in lines):
         raise FileProblems(file, [Problem("the file holds nothing but blank lines")])
     return lines
-
-
-def split_line(line: str, separator: str) -> list[str]:
-    """The fields of a line, without blanks and quotes around them."""
-    if separator == BLANKS:
-        return line.split()
-    if '"' in line:
-        return [part.strip() for part in next(csv.reader([line], delimiter=separator), [])]
-    return [part.strip() for part in line.split(separator)]
 
 
 def guess_separator(header: str) -> str:
@@ -95,6 +84,7 @@ class TextTable:
         encoding: Of the file; None, or "utf-16", to go by its first bytes.
         twice: Places (from 1) of the columns of a title that stands more than once; such columns
             have their place behind the title in `names`.
+        broken: Lines that hold no sample and are left out; None as long as none was met.
     """
 
     file: Path
@@ -104,6 +94,7 @@ class TextTable:
     decimal: str = "."
     encoding: str | None = None
     _width: int = field(default=0, init=False)
+    broken: Broken | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.encoding = encoding_of(self.file, self.encoding)
@@ -192,7 +183,13 @@ class TextTable:
                 for block in stream.blocks(BLOCK_BYTES):
                     # by hand and not by open_csv: its thread that reads ahead calls Python, and
                     # where the reading breaks off aborts the interpreter at its end
-                    table = arrow_csv.read_csv(pa.BufferReader(block), *layout)
+                    try:
+                        table = arrow_csv.read_csv(pa.BufferReader(block), *layout)
+                    except pa.ArrowInvalid:
+                        rest = self._without_broken(block)
+                        if not rest.strip():
+                            continue
+                        table = arrow_csv.read_csv(pa.BufferReader(rest), *layout)
                     batch = table.combine_chunks().to_batches()[0]
                     columns = {
                         name: self._array(batch.column(at[name]), kind, done, name)
@@ -202,6 +199,14 @@ class TextTable:
                     yield columns
         except pa.ArrowInvalid as error:
             raise self._explain(kinds, done, str(error)) from None
+
+    def _without_broken(self, block: bytes) -> bytes:
+        """A block without the lines that hold no sample, which are looked for once in the file."""
+        if self.broken is None:
+            ended = ends_a_line(self.file)
+            found = find_broken(self._rows(), self.separator, self._width, ended)
+            self.broken = Broken() if found is None else found
+        return without(block, self.broken)
 
     def _array(self, column: pa.Array, kind: Kind, done: int, name: str) -> np.ndarray:
         if kind == "float":
@@ -226,7 +231,8 @@ class TextTable:
         """Number and text of every line that is a row."""
         with self._stream() as stream:
             for number, line in enumerate(stream.lines(), self.first_line):
-                if line.strip("\r"):
+                out = self.broken is not None and number in self.broken.texts
+                if line.strip("\r") and not out:
                     yield number, line
 
     def problem(self, message: str, row: int | None = None) -> FileProblems:
@@ -273,7 +279,7 @@ class TextTable:
                     if kind == "integer"
                     else f"a number with decimal {'comma' if self.decimal == ',' else 'point'}"
                 )
-                shown = text[:40].encode("unicode_escape").decode()
+                shown = one_line(text[:40])
                 return f"'{shown}' in the column {name} is not {what}{_rewritten(text)}"
         return None
 
@@ -388,7 +394,7 @@ def find_table(
     lines = head_of(file, encoding)
     number = next((i for i, line in enumerate(lines) if is_header.search(line)), None)
     if number is None:
-        first = next(line for line in lines if line.strip())[:60].encode("unicode_escape").decode()
+        first = one_line(next(line for line in lines if line.strip())[:60])
         raise FileProblems(
             file,
             [

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.exceptions import FileProblems, Problem
+from testbench.exceptions import FileProblems, Problem, one_line
 from testbench.formats.tables.bytes_stream import LineStream, encoding_of
 from testbench.formats.tables.text_table import decimal_of
 
@@ -66,6 +66,6 @@ def _not_a_number(file: Path, block: list[tuple[int, str]], cells: list[list[str
             try:
                 float(cell)
             except ValueError:
-                shown = cell[:40].encode("unicode_escape").decode()
+                shown = one_line(cell[:40])
                 return FileProblems(file, [Problem(f"'{shown}' is not a number", line=number)])
     return FileProblems(file, [Problem("cannot be read as numbers", line=block[0][0])])

@@ -19,15 +19,10 @@ import numpy as np
 from testbench.exceptions import FileProblems, InputError, Problem
 from testbench.formats.recording import ImportedSensor
 from testbench.formats.tables.bytes_stream import LineStream, encoding_of
+from testbench.formats.tables.fields import split_line
 from testbench.formats.tables.samples_stream import Quantities, SampleStream
 from testbench.formats.tables.source import Kind
-from testbench.formats.tables.text_table import (
-    TextTable,
-    decimal_of,
-    guess_separator,
-    head_of,
-    split_line,
-)
+from testbench.formats.tables.text_table import TextTable, decimal_of, guess_separator, head_of
 from testbench.formats.tables.timeline import RegularTime
 from testbench.formats.truth.times import truth_stamps
 from testbench.frames import NANOSECONDS

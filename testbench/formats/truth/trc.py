@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import FileProblems, Problem
-from testbench.formats.tables.text_table import BLANKS, guess_separator, head_of, split_line
+from testbench.formats.tables.fields import BLANKS, split_line
+from testbench.formats.tables.text_table import guess_separator, head_of
 from testbench.formats.truth.number_rows import number_rows
 from testbench.formats.truth.tracked import METRES, Tracked, points, tracked_times
 

@@ -13,9 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.exceptions import FileProblems, Problem
+from testbench.exceptions import FileProblems, Problem, one_line
 from testbench.formats.tables.bytes_stream import LineStream, encoding_of
-from testbench.formats.tables.text_table import guess_separator, split_line
+from testbench.formats.tables.fields import split_line
+from testbench.formats.tables.text_table import guess_separator
 from testbench.formats.truth.number_rows import number_rows
 from testbench.formats.truth.tracked import METRES, Tracked, frame_times, points, quaternions
 
@@ -107,7 +108,7 @@ def _rate(file: Path, text: str, line: int) -> float:
     except ValueError:
         rate = 0.0
     if not 0.1 <= rate <= 100_000:
-        shown = text[:40].encode("unicode_escape").decode()
+        shown = one_line(text[:40])
         raise FileProblems(file, [Problem(f"'{shown}' is no sampling rate", line=line)])
     return rate
 

@@ -27,15 +27,10 @@ from testbench.formats.plausibility import gather, told_unit
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.suitable import suited_recording
 from testbench.formats.table_sensors import asked_stamps
+from testbench.formats.tables.fields import split_line
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
 from testbench.formats.tables.source import Columns, Kind
-from testbench.formats.tables.text_table import (
-    TextTable,
-    decimal_of,
-    guess_separator,
-    head_of,
-    split_line,
-)
+from testbench.formats.tables.text_table import TextTable, decimal_of, guess_separator, head_of
 from testbench.records.findings.catalogue import finding
 
 NAMES = ["time", "x", "y", "z"]

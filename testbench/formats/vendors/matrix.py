@@ -19,9 +19,10 @@ from testbench.formats.names import sensor_name, stem_without_stamp, unique_name
 from testbench.formats.options import Options
 from testbench.formats.recording import ImportedSensor, Recording
 from testbench.formats.suitable import suited_recording
+from testbench.formats.tables.fields import split_line
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
 from testbench.formats.tables.source import Columns, Kind, first_rows
-from testbench.formats.tables.text_table import find_table, head_of, split_line
+from testbench.formats.tables.text_table import find_table, head_of
 from testbench.formats.tables.timeline import SpreadTime, StampedTime, rate_of_stamps
 from testbench.frames import NANOSECONDS
 from testbench.records.findings.catalogue import finding

@@ -19,8 +19,9 @@ from testbench.formats.options import Options
 from testbench.formats.recording import Recording
 from testbench.formats.suitable import suited_recording
 from testbench.formats.table_sensors import Layout, table_sensor
+from testbench.formats.tables.fields import split_line
 from testbench.formats.tables.recognise import Found
-from testbench.formats.tables.text_table import TextTable, find_table, head_of, split_line
+from testbench.formats.tables.text_table import TextTable, find_table, head_of
 from testbench.formats.units import TimeUnit, known_unit
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding

@@ -18,7 +18,7 @@ from typing import Any, Generic, TypeVar, get_args
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from testbench.exceptions import FileProblems, Problem
+from testbench.exceptions import FileProblems, Problem, one_line
 
 LARGEST_FILE = 250_000
 """Bytes; the longest protocol that a person writes is a tenth of it."""
@@ -196,7 +196,7 @@ def _syntax_problem(error: Exception, text: str) -> Problem:
     elif context:
         said = f"{said} {context}"
     line, column = (mark.line + 1, mark.column + 1) if mark else (1, None)
-    return Problem(f"not valid YAML: {_one_line(said)}", "", line, column)
+    return Problem(f"not valid YAML: {one_line(said)}", "", line, column)
 
 
 # One recursion over the kinds of nodes, each of which refuses what it does not take.
@@ -212,7 +212,7 @@ def _construct(
     places.setdefault(path, place)
 
     def refuse(message: str) -> None:
-        problems.append(Problem(_one_line(message), dotted(path), *place))
+        problems.append(Problem(one_line(message), dotted(path), *place))
 
     if len(path) > DEEPEST_NESTING:
         return refuse(f"nested deeper than {DEEPEST_NESTING} levels")
@@ -242,7 +242,7 @@ def _construct(
                 continue
             if key in mapping:
                 first = places[(*path, key)]
-                message = _one_line(f"the key '{key}' stands twice (first in line {first[0]})")
+                message = one_line(f"the key '{key}' stands twice (first in line {first[0]})")
                 problems.append(Problem(message, dotted(path), *key_place))
                 continue
             places[(*path, key)] = key_place
@@ -325,7 +325,7 @@ def locate(places: dict[Location, tuple[int, int]], path: Location, message: str
         if (*known, part) in places:
             known = (*known, part)
     line, column = places.get(known, (1, None))
-    return Problem(_one_line(message), dotted(known), line, column)
+    return Problem(one_line(message), dotted(known), line, column)
 
 
 def fault_sentence(fault: Any) -> str:
@@ -395,12 +395,7 @@ def dotted(path: Location) -> str:
     text = ""
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else (f".{part}" if text else str(part))
-    return _one_line(text)
-
-
-def _one_line(text: str) -> str:
-    """The text with every character that would break or colour a line escaped."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return one_line(text)
 
 
 def _kind(data: Any) -> str:

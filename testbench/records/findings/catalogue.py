@@ -70,7 +70,7 @@ def finding(code: str, where: str = "", **values: Value) -> Finding:
     """
     template = TEMPLATES[code]
     shown = {
-        name: ", ".join(value) if isinstance(value, list) else value
+        name: ", ".join(map(_apart, value)) if isinstance(value, list) else value
         for name, value in values.items()
     }
     words = _Words()
@@ -100,3 +100,8 @@ def of_filters_together(findings: Iterable[Finding]) -> list[Finding]:
         else:
             together += group
     return together
+
+
+def _apart(item: str) -> str:
+    """One of a list; a map of axes, which has commas of its own, in braces."""
+    return f"{{{item}}}" if item.startswith("x: ") else item

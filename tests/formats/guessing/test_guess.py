@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from testbench.formats import import_recording
 from testbench.formats.guessing.titles import read_title
 from testbench.formats.options import Options
 from testbench.pipeline.bring_in import guess_mapping
+from tests.conftest import FakeClock
 from tests.formats.foreign_arrays import mat_with_objects
 
 G = 9.80665
@@ -128,6 +130,88 @@ def test_files_of_one_quantity_each_become_one_sensor(table, xyz, motion, round_
     check(round_trip(*files), m)
 
 
+@pytest.mark.parametrize(("titles", "parts"), [("qi qj qk qr", "xyzw"), ("q0 q1 q2 q3", "wxyz")])
+def test_a_quaternion_by_its_titles_beside_the_clock_of_a_board(
+    titles, parts, table, xyz, motion, round_trip
+):
+    m = motion(600)
+    q = dict(zip("wxyz", m.q.T, strict=True))
+    columns = {"millis": np.round(m.t * 1000)} | xyz("a{}", m.acc, "xyz")
+    columns |= {title: q[part] for title, part in zip(titles.split(), parts, strict=True)}
+    samples, rate = round_trip(table("d.csv", columns))
+    assert rate == pytest.approx(100.0)
+    assert np.abs(np.sum(samples.device_q * m.q, axis=1)).min() > 1 - 1e-8
+
+
+def test_the_quaternion_of_a_reference_system_is_truth(tmp_path, motion, clock):
+    m = motion(600)
+    with h5py.File(tmp_path / "d.h5", "w") as file:
+        file["imu_acc"], file["imu_gyr"], file["opt_quat"] = m.acc, m.gyr, m.q
+        file["sampling_rate"] = 100.0
+    found = guess_mapping([str(tmp_path / "d.h5")], str(tmp_path / "m.yaml"))
+    asked = Options(str(found.mapping), units={"gyr": "rad/s"} if found.open_options else {})
+    session = import_recording("generic", [tmp_path / "d.h5"], tmp_path / "s", clock, asked)
+    assert session.truth("imu") is not None and session.imu("imu").device_q is None
+
+
+def test_candidates_are_those_that_the_files_speak_of(table, xyz, motion, tmp_path):
+    m = motion(600)
+    columns = {"time": m.t} | xyz("Acc{}", m.acc, "XYZ") | xyz("Gyr{}", m.gyr, "XYZ")
+    found = guess_mapping([str(table("d.csv", columns))], str(tmp_path / "a.yaml"))
+    assert "technaid" not in found.formats and not found.shipped
+    columns = {title if title == "time" else f"IMU1 {title}": v for title, v in columns.items()}
+    found = guess_mapping([str(table("e.csv", columns))], str(tmp_path / "b.yaml"))
+    assert "technaid" in found.formats
+    ns = {"time": 1_700_000_000_000_000_000 + (m.t * 1e9).round().astype(np.int64)}
+    files = [
+        table(f"{name}.csv", ns | xyz("{}", values, "xyz"))
+        for name, values in (("TotalAcceleration", m.acc), ("Gyroscope", m.gyr))
+    ]
+    found = guess_mapping(map(str, files), str(tmp_path / "c.yaml"))
+    assert list(found.shipped) == ["sensor_logger"]
+
+
+@pytest.mark.parametrize(("acc", "gyr"), [(16384, 131), (2048, 16.4)])
+def test_raw_counts_are_told_with_their_scale(acc, gyr, table, xyz, motion, round_trip, tmp_path):
+    m = motion(2400)
+    columns = {"millis": np.round(m.t * 1000)}
+    columns |= xyz("acc{}", np.round(m.acc / G * acc), "XYZ")
+    columns |= xyz("gyro{}", np.round(np.degrees(m.gyr) * gyr), "XYZ")
+    path = table("d.csv", columns)
+    check(round_trip(path), m, atol=0.01)
+    counts = "scale: [^ ]+|unit: (g|deg/s)$"
+    bare = re.sub(counts, "", (tmp_path / "guessed.yaml").read_text(), flags=re.MULTILINE)
+    (tmp_path / "bare.yaml").write_text(bare)
+
+    def refused(units: dict[str, str]) -> str:
+        asked = Options(str(tmp_path / "bare.yaml"), units=units)
+        with pytest.raises(InputError) as told:
+            import_recording("generic", [path], tmp_path / "t", FakeClock(), asked)
+        return str(told.value)
+
+    assert f"raw counts, {acc} to one g" in refused({})
+    assert f"raw counts, {gyr} to one deg/s" in refused({"acc": "g"})
+    assert "no unit that is stated can confirm" in refused({"acc": "g", "gyr": "deg/s"})
+
+
+def test_acceleration_without_gravity_is_left_out(table, xyz, motion, tmp_path):
+    m = motion(2400)
+    columns = {"t": m.t} | xyz("gyr_{}", m.gyr, "xyz") | xyz("FreeAcc_{}", m.acc, "XYZ")
+    found = guess_mapping([str(table("d.csv", columns))], str(tmp_path / "free.yaml"))
+    assert "FreeAcc_X, FreeAcc_Y, FreeAcc_Z: left out" in found.seen[0]
+    columns = {"t": m.t} | xyz("gyr_{}", m.gyr, "xyz") | xyz("LinAcc{}", 1e-3 * m.acc, "XYZ")
+    found = guess_mapping([str(table("d.csv", columns))], str(tmp_path / "linear.yaml"))
+    assert "gravity was removed" in found.seen[0]
+    assert "acc:" not in (tmp_path / "linear.yaml").read_text()
+
+
+def test_the_command_names_what_the_import_asks_for(table, xyz, motion, tmp_path):
+    m = motion(600)
+    columns = xyz("a{}", m.acc, "xyz") | xyz("g{}", 0 * m.gyr, "xyz")
+    found = guess_mapping([str(table("d.csv", columns))], str(tmp_path / "m.yaml"))
+    assert found.open_options == ("--rate HZ", "--unit gyr=UNIT")
+
+
 def test_two_sensors_in_one_file_are_two(table, xyz, motion, round_trip):
     m = motion(2400)
     columns = {"t": m.t}
@@ -136,6 +220,33 @@ def test_two_sensors_in_one_file_are_two(table, xyz, motion, round_trip):
         columns |= xyz(f"{owner}_gyr_{{}}", m.gyr, "xyz")
     samples, _ = round_trip(table("d.csv", columns), sensor="right")
     np.testing.assert_allclose(samples.acc, -m.acc, atol=1e-5)
+
+
+def test_two_lines_of_titles_are_joined(xyz, motion, round_trip, tmp_path):
+    m = motion(2400)
+    parts = [
+        (side, f"{kind}_{axis}", (values if side == "left" else -values)[:, i])
+        for kind, values in (("acc", m.acc), ("gyr", m.gyr))
+        for i, axis in enumerate("xyz")
+        for side in ("left", "right")
+    ]
+    lines = [("sensor", "axis", np.arange(len(m.t))), ("t", "s", m.t), *parts]
+    head = "\n".join(",".join(line[i] for line in lines) for i in (0, 1))
+    path = tmp_path / "d.csv"
+    np.savetxt(
+        path, np.column_stack([line[2] for line in lines]), "%.9g", ",", header=head, comments=""
+    )
+    samples, _ = round_trip(path, sensor="right")
+    np.testing.assert_allclose(samples.acc, -m.acc, atol=1e-5)
+
+
+@pytest.mark.parametrize("titles", ["t,a,a,a,b,b,b", "t,gyr_x,gyr_y,foo,acc_z,acc_x,bar"])
+def test_numbers_alone_do_not_contradict_titles(titles, motion, tmp_path):
+    m = motion(2400)
+    numbers = np.column_stack([m.t, m.acc, m.gyr])
+    np.savetxt(tmp_path / "d.csv", numbers, "%.9g", ",", header=titles, comments="")
+    with pytest.raises(InputError, match="is recognised among its columns"):
+        guess_mapping([str(tmp_path / "d.csv")], str(tmp_path / "m.yaml"))
 
 
 def test_a_vendors_format_is_named_and_nothing_is_overwritten(
@@ -191,6 +302,13 @@ def test_what_fits_nothing_is_told(content, said, tmp_path):
         ("Accel_LN_Z_CAL", "acc", "z", ""),
         ("PacketCounter", "counter", "", ""),
         ("price", None, "", ""),
+        ("millis", "time", "", "ms"),
+        ("us", "time", "", "us"),
+        ("qr", "quaternion", "w", ""),
+        ("quat_i", "quaternion", "x", ""),
+        ("acc_x_r", "acc", "x", ""),
+        ("FreeAcc_X", "free", "x", ""),
+        ("userAcceleration.x(G)", "free", "x", "G"),
     ],
 )
 def test_what_a_title_says(title, kind, part, unit):

@@ -79,7 +79,7 @@ TEMPLATES = {
         "gyroscope and accelerometer contradict each other: gravity turns as the gyroscope says "
         "only if its axes are {axes}",
         "one sign or two axes of the gyroscope are wrong, so that it is mirrored",
-        "the key gyr.axes of the mapping states them: {{{axes}}}",
+        "the key gyr.axes of the mapping states them: {axes}",
     ),
     "consistency.gyr_negated": Template(
         WARNING,
@@ -92,7 +92,7 @@ TEMPLATES = {
         "gyroscope and accelerometer contradict each other: gravity turns as the gyroscope says "
         "only if its axes are {axes}",
         "the axes of one of the two are other ones than were taken",
-        "the key gyr.axes of the mapping states them, {{{axes}}}, or acc.axes does if it is the "
+        "the key gyr.axes of the mapping states them, {axes}, or acc.axes does if it is the "
         "accelerometer's that are wrong: one of {acc_axes}",
     ),
     "consistency.gyr_axes_unclear": Template(

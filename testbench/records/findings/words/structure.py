@@ -32,6 +32,16 @@ TEMPLATES = {
         "they are not two sensors, or one has the columns of the other",
         "name the columns of each; as it is, nothing needs to be said",
     ),
+    "structure.lines_of_text": Template(
+        WARNING,
+        "{count} lines of {file} hold no number (the first is line {line}, '{text}')",
+        "they are left out, and what should stand there is missing",
+    ),
+    "structure.cut_short": Template(
+        WARNING,
+        "line {line} of {file}, its last, is cut short",
+        "it is left out; the device may have lost power, and what it measured then is not there",
+    ),
     "structure.closed": Template(
         NOTE,
         "{file} also holds {objects}",
