@@ -19,6 +19,7 @@ from testbench.consistency.orientation import (
     read_orientation,
 )
 from testbench.consistency.rests import Rests, find_rests
+from testbench.consistency.swings import is_explained
 from testbench.consistency.times import read_at_other_times
 from testbench.consistency.turning import IDENTITY, MAPS, names_of
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
@@ -48,6 +49,11 @@ LEAST_TURN = 1.0
 """A window turns if its gyroscope goes through so much [rad]."""
 SCALE_WITHIN = 1.4
 """A scale counts as that of a unit or a range if the best one is so near."""
+NEAR = (0.3, 3.0)
+"""Scales between these are those of a neighbouring range setting or another rate, or seem to be
+where a body swings.
+"""
+SCALE = "gyroscope against accelerometer: scale"
 LIKE_NEIGHBOUR = 0.1
 """Logarithm of a gain over that of a neighbouring range setting which parts may have."""
 EARTH_FIELD_UT = (22.0, 67.0)
@@ -206,7 +212,10 @@ def _check_gyroscope(looked: Looked) -> None:
     if reading is None:
         looked.unchecked += [f"gyroscope against accelerometer: {one}" for one in KINDS]
         return
-    if reading.scale != 1.0 and reading.turns:
+    swings = _swings(looked, reading)
+    if swings:
+        looked.unchecked.append(SCALE)
+    elif reading.scale != 1.0 and reading.turns:
         _tell_scale(looked, reading)
     elif looked.gain is not None and looked.gain.is_other:
         gain, rate = looked.gain.value, looked.excerpt.samples / looked.seconds
@@ -216,6 +225,8 @@ def _check_gyroscope(looked: Looked) -> None:
         _tell_axes(looked, reading)
     if reading.one_axis:
         looked.unchecked += [f"gyroscope against accelerometer: {one}" for one in KINDS]
+        if not reading.fits_as_is:
+            looked.unchecked.append(SCALE)
         return
     open_maps = {i for i in range(1, len(MAPS)) if not scatter.better(IDENTITY, i)}
     if reading.fits_as_is and open_maps:
@@ -224,8 +235,22 @@ def _check_gyroscope(looked: Looked) -> None:
             for name, maps in KINDS.items()
             if maps & open_maps
         ]
-    if not reading.turns or (reading.scale == 1.0 and reading.scale_open):
-        looked.unchecked.append("gyroscope against accelerometer: scale")
+    if not swings and (not reading.turns or (reading.scale == 1.0 and reading.scale_open)):
+        looked.unchecked.append(SCALE)
+
+
+def _swings(looked: Looked, reading: Reading) -> bool:
+    """Whether another gain near 1 seems to fit, and the accelerations of a swinging body explain
+    it as well.
+    """
+    own = looked.gain
+    if reading.turns and reading.scale != 1.0:
+        gain = reading.scale
+    elif own is not None and own.is_other:
+        gain = own.value
+    else:
+        return False
+    return NEAR[0] < gain < NEAR[1] and is_explained(reading.pair, gain, reading.bias)
 
 
 def _gain(looked: Looked, reading: Reading) -> Gain | None:
@@ -282,7 +307,7 @@ KINDS: dict[str, set[int]] = {
 
 def _tell_scale(looked: Looked, reading: Reading) -> None:
     scale, rate = reading.scale, looked.excerpt.samples / looked.seconds
-    if 0.3 < scale < 3:
+    if NEAR[0] < scale < NEAR[1]:
         gain = looked.gain
         if gain is not None and abs(np.log(gain.value / scale)) > LIKE_NEIGHBOUR + 2 * gain.error:
             scale = gain.value

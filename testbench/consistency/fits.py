@@ -231,10 +231,10 @@ class Pair:
         """
         step = 0.005
         for _ in range(2):
-            begin = self._deviations(scale, one, bias)
+            begin = self.deviations(scale, one, bias)
             slopes = np.stack(
                 [
-                    (self._deviations(scale, one, bias + step * axis) - begin) / step
+                    (self.deviations(scale, one, bias + step * axis) - begin) / step
                     for axis in np.eye(3)
                 ],
                 axis=-1,
@@ -249,7 +249,14 @@ class Pair:
             bias = bias - np.linalg.solve(left + prior, right)
         return bias
 
-    def _deviations(self, scale: float, one: np.ndarray, bias: np.ndarray) -> np.ndarray:
+    def deviations(self, scale: float, one: np.ndarray, bias: np.ndarray) -> np.ndarray:
+        """How far the mean of each block is from that of its window, shape (w, b, 3).
+
+        Args:
+            scale: As for `blocks`.
+            one: The reading, shape (3, 3).
+            bias: Taken off the rates first, shape (3,) [rad/s].
+        """
         blocks = self.blocks(scale, bias, one[None])[0]
         return np.asarray(blocks - blocks.mean(axis=1, keepdims=True))
 
