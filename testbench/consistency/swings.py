@@ -12,13 +12,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbench.consistency.fits import FEW_WINDOWS, FLOOR, Pair, Scatter, is_clear
+from testbench.consistency.fits import (
+    FEW_WINDOWS,
+    FLOOR,
+    Pair,
+    Scatter,
+    is_clear,
+)
 
 USUAL_LEVER_M = 0.7
 """A sensor on a limb, a hand-held stick or a pendulum is so far from what it turns about (standard
 deviation of each axis).
 """
 ROUNDS = 2
+NEARER = ((1.2, 6), (1.08, 2), (1.02, 3))
+"""Ratios of the factors that are tried, and how many of them on either side: a third to three times
+one first.
+"""
 
 
 def is_explained(pair: Pair, gain: float, bias: np.ndarray) -> bool:
@@ -33,6 +43,21 @@ def is_explained(pair: Pair, gain: float, bias: np.ndarray) -> bool:
     some = pair.some(FEW_WINDOWS)
     own, other = (scatter_with_lever(some, one, bias) for one in (1.0, gain))
     return not is_clear(own.logs[0], other.logs[0], some.windows.independent)
+
+
+def factor_with_lever(pair: Pair, factor: float, bias: np.ndarray) -> float:
+    """The factor near one with which the rates fit best, each with the lever that suits it.
+
+    Args:
+        pair: Gyroscope and accelerometer, the axes as they are, in few windows.
+        factor: That fits best without one.
+        bias: That the rates have, or 0, shape (3,) [rad/s].
+    """
+    for ratio, steps in NEARER:
+        near = factor * ratio ** np.arange(-steps, steps + 1)
+        left = [scatter_with_lever(pair, float(one), bias).logs[0].mean() for one in near]
+        factor = float(near[int(np.argmin(left))])
+    return factor
 
 
 def scatter_with_lever(pair: Pair, gain: float, bias: np.ndarray) -> Scatter:
