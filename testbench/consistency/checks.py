@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 
 from testbench.consistency.excerpt import HIGHEST_RATE_HZ, Excerpt
-from testbench.consistency.fits import DEG, NEIGHBOURS, Reading, read_against
+from testbench.consistency.factors import DEG, LIKE, NEAR, names_of_factor
+from testbench.consistency.fits import FEWER_WINDOWS, NEIGHBOURS, Reading, is_clear, read_against
 from testbench.consistency.gain import Gain, find_gain
 from testbench.consistency.orientation import (
     Read,
@@ -19,7 +20,8 @@ from testbench.consistency.orientation import (
     read_orientation,
 )
 from testbench.consistency.rests import Rests, find_rests
-from testbench.consistency.times import read_at_other_times
+from testbench.consistency.swings import factor_with_lever, is_explained, scatter_with_lever
+from testbench.consistency.times import FACTORS, USUAL_RATES_HZ, read_at_other_times
 from testbench.consistency.turning import IDENTITY, MAPS, names_of
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.records.findings.catalogue import finding
@@ -48,6 +50,15 @@ LEAST_TURN = 1.0
 """A window turns if its gyroscope goes through so much [rad]."""
 SCALE_WITHIN = 1.4
 """A scale counts as that of a unit or a range if the best one is so near."""
+EXACT = 0.99
+"""A scale is what it seems if turning explains this part of the scatter, whatever swings."""
+BLUR = 0.35
+"""Logarithm of the ratio by which accelerations of a swinging body may blur a scale that is fitted
+with a lever.
+"""
+UNITS_OF_RATE = {DEG: "deg/s", 1 / DEG: "rad/s", DEG / 1000: "mdeg/s"}
+"""Units by the scale of rates that were in them and are taken for others."""
+SCALE = "gyroscope against accelerometer: scale"
 LIKE_NEIGHBOUR = 0.1
 """Logarithm of a gain over that of a neighbouring range setting which parts may have."""
 EARTH_FIELD_UT = (22.0, 67.0)
@@ -66,6 +77,7 @@ CONTRADICTIONS = {
     "consistency.no_gravity": {"acc"},
     "consistency.gyr_unit": {"gyr"},
     "consistency.gyr_or_time_unit": {"gyr", "time"},
+    "consistency.gyr_factor": {"gyr"},
     "consistency.scale_or_rate": {"gyr", "time"},
 }
 """Findings on what cannot be right, and the quantities whose unit, if a person states it, confirms
@@ -188,7 +200,12 @@ def _tell_other_time(looked: Looked) -> bool:
     fitting = {
         factor: one.explained
         for factor, one in readings.items()
-        if one.turns and one.scale == 1.0 and one.fits_as_is and one.scatter.independent >= FEWEST
+        if one.turns
+        and one.scale == 1.0
+        and one.fits_as_is
+        and one.scatter.independent >= FEWEST
+        # a unit of time is wrong by a power of ten, and no other number near it
+        and not ((gain := find_gain(one.pair, one.bias)) and gain.is_other)
     }
     if not fitting:
         return False
@@ -206,7 +223,10 @@ def _check_gyroscope(looked: Looked) -> None:
     if reading is None:
         looked.unchecked += [f"gyroscope against accelerometer: {one}" for one in KINDS]
         return
-    if reading.scale != 1.0 and reading.turns:
+    swings = _swings(looked, reading)
+    if swings:
+        looked.unchecked.append(SCALE)
+    elif reading.scale != 1.0 and reading.turns:
         _tell_scale(looked, reading)
     elif looked.gain is not None and looked.gain.is_other:
         gain, rate = looked.gain.value, looked.excerpt.samples / looked.seconds
@@ -216,6 +236,8 @@ def _check_gyroscope(looked: Looked) -> None:
         _tell_axes(looked, reading)
     if reading.one_axis:
         looked.unchecked += [f"gyroscope against accelerometer: {one}" for one in KINDS]
+        if not reading.fits_as_is:
+            looked.unchecked.append(SCALE)
         return
     open_maps = {i for i in range(1, len(MAPS)) if not scatter.better(IDENTITY, i)}
     if reading.fits_as_is and open_maps:
@@ -224,8 +246,22 @@ def _check_gyroscope(looked: Looked) -> None:
             for name, maps in KINDS.items()
             if maps & open_maps
         ]
-    if not reading.turns or (reading.scale == 1.0 and reading.scale_open):
-        looked.unchecked.append("gyroscope against accelerometer: scale")
+    if not swings and (not reading.turns or (reading.scale == 1.0 and reading.scale_open)):
+        looked.unchecked.append(SCALE)
+
+
+def _swings(looked: Looked, reading: Reading) -> bool:
+    """Whether another gain seems to fit, and the accelerations of a swinging body explain
+    it as well.
+    """
+    own = looked.gain
+    if reading.turns and reading.scale != 1.0:
+        gain = reading.scale
+    elif own is not None and own.is_other:
+        gain = own.value
+    else:
+        return False
+    return is_explained(reading.pair, gain, reading.bias)
 
 
 def _gain(looked: Looked, reading: Reading) -> Gain | None:
@@ -282,13 +318,16 @@ KINDS: dict[str, set[int]] = {
 
 def _tell_scale(looked: Looked, reading: Reading) -> None:
     scale, rate = reading.scale, looked.excerpt.samples / looked.seconds
-    if 0.3 < scale < 3:
+    if NEAR[0] < scale < NEAR[1]:
         gain = looked.gain
         if gain is not None and abs(np.log(gain.value / scale)) > LIKE_NEIGHBOUR + 2 * gain.error:
             scale = gain.value
         looked.tell("scale_or_rate", scale=scale, rate_hz=rate, other_rate_hz=rate / scale)
         return
-    unit = {np.pi / 180: "deg/s", 180 / np.pi: "rad/s", np.pi / 180_000: "mdeg/s"}.get(scale)
+    blurred = scale
+    if reading.explained < EXACT:
+        blurred, scale = scale, _unblurred(reading)
+    unit = UNITS_OF_RATE.get(scale)
     if unit is not None:
         looked.tell(
             "gyr_unit",
@@ -298,7 +337,37 @@ def _tell_scale(looked: Looked, reading: Reading) -> None:
             read={"deg/s": "rad/s", "rad/s": "deg/s", "mdeg/s": "rad/s"}[unit],
         )
         return
-    looked.tell("gyr_or_time_unit", factor=scale, rate_hz=rate, other_rate_hz=rate / scale)
+    lowest, highest = USUAL_RATES_HZ
+    if scale in FACTORS and lowest <= rate / scale <= highest:
+        looked.tell("gyr_or_time_unit", factor=scale, rate_hz=rate, other_rate_hz=rate / scale)
+        return
+    is_exact = abs(np.log(blurred / scale)) < LIKE
+    names = names_of_factor(scale, LIKE if is_exact else BLUR)
+    means = f"it looks like {' or '.join(names)}" if names else "that is no unit or range known"
+    if is_exact:
+        mends = f"the key gyr.scale: {scale:.4g} of the mapping, or the right gyr.unit, mends it"
+    else:
+        means += f", but the body swings, which blurs the number: {blurred:.3g} fits as well"
+        mends = (
+            "turn it by hand with rests between, which tells the number, and state it by the key "
+            "gyr.scale of the mapping, or the unit by gyr.unit"
+        )
+    looked.tell("gyr_factor", factor=scale, means=means, mends=mends)
+
+
+def _unblurred(reading: Reading) -> float:
+    """The scale that fits best if a lever may explain what turning does not; that of a unit, or the
+    one without a lever, where it fits no worse.
+    """
+    pair, bias = reading.pair.some(FEWER_WINDOWS), reading.bias
+    best = factor_with_lever(pair, reading.scale, bias)
+    left = scatter_with_lever(pair, best, bias)
+    for one in (reading.scale, *UNITS_OF_RATE):
+        if abs(np.log(one / best)) < BLUR:
+            worse = scatter_with_lever(pair, one, bias).logs[0]
+            if not is_clear(worse, left.logs[0], left.independent):
+                return one
+    return best
 
 
 def _tell_axes(looked: Looked, reading: Reading) -> None:

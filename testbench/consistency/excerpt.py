@@ -33,13 +33,18 @@ STUCK = 4
 """So many repetitions of all readings in a row are no measurement, if the sensor seems to turn: a
 coarse one at rest, or one without noise, repeats itself.
 """
+LONGEST_BRIDGE = 3
+"""So many steps in a row that are no measurement are bridged: a row or two that a logger lost. A
+straight line over 30 ms is off by far less than a window's mean can show.
+"""
 SPARSE = 17
 """One of so many samples tells the usual rate."""
 
 
 @dataclass(frozen=True)
 class Excerpt:
-    """Steps of a recording, each the mean of some samples; NaN where any was no measurement.
+    """Steps of a recording, each the mean of some samples; NaN where any was no measurement, but
+    for a few in a row, which a straight line bridges.
 
     Attributes:
         time_ns: Of the first sample of each step, shape (n,), int64.
@@ -145,8 +150,8 @@ class Thinner:
         interval = _usual(steps, 50) / self._each if len(steps) else 0.0
         return Excerpt(
             whole["time_ns"],
-            whole["gyr"],
-            whole["acc"],
+            _bridged(whole["gyr"], whole["follows"]),
+            _bridged(whole["acc"], whole["follows"]),
             whole.get("mag"),
             whole.get("device_q"),
             self._each,
@@ -189,6 +194,29 @@ def _usual(steps: np.ndarray, over: int) -> float:
     over = min(over, len(steps))
     count = len(steps) // over
     return float(np.median(steps[: count * over].reshape(count, over).mean(axis=1)))
+
+
+def _bridged(array: np.ndarray, follows: np.ndarray) -> np.ndarray:
+    """The same with a straight line over at most `LONGEST_BRIDGE` unknown steps in a row.
+
+    Args:
+        array: Shape (n, 3).
+        follows: Whether a step comes straight after the one before it, shape (n,), bool.
+    """
+    lost = np.isnan(array).any(axis=1)
+    edges = np.diff(np.concatenate([[0], lost.astype(int), [0]]))
+    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+    within = (begins > 0) & (ends < len(array)) & (ends - begins <= LONGEST_BRIDGE)
+    begins, ends = begins[within], ends[within]
+    broken = np.concatenate([[0], np.cumsum(~follows)])
+    whole = broken[ends + 1] == broken[begins]
+    if not whole.any():
+        return array
+    bridged = array.copy()
+    for begin, end in zip(begins[whole], ends[whole], strict=True):
+        part = (np.arange(begin, end) - begin + 1)[:, None] / (end - begin + 1)
+        bridged[begin:end] = (1 - part) * array[begin - 1] + part * array[end]
+    return bridged
 
 
 @njit(cache=True)

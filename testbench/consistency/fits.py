@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from testbench.consistency.excerpt import Excerpt
+from testbench.consistency.factors import DEG, LIKE, NEAR, best_factors
 from testbench.consistency.strides import find_strides
 from testbench.consistency.turning import (
     BINS,
@@ -231,10 +232,10 @@ class Pair:
         """
         step = 0.005
         for _ in range(2):
-            begin = self._deviations(scale, one, bias)
+            begin = self.deviations(scale, one, bias)
             slopes = np.stack(
                 [
-                    (self._deviations(scale, one, bias + step * axis) - begin) / step
+                    (self.deviations(scale, one, bias + step * axis) - begin) / step
                     for axis in np.eye(3)
                 ],
                 axis=-1,
@@ -249,7 +250,14 @@ class Pair:
             bias = bias - np.linalg.solve(left + prior, right)
         return bias
 
-    def _deviations(self, scale: float, one: np.ndarray, bias: np.ndarray) -> np.ndarray:
+    def deviations(self, scale: float, one: np.ndarray, bias: np.ndarray) -> np.ndarray:
+        """How far the mean of each block is from that of its window, shape (w, b, 3).
+
+        Args:
+            scale: As for `blocks`.
+            one: The reading, shape (3, 3).
+            bias: Taken off the rates first, shape (3,) [rad/s].
+        """
         blocks = self.blocks(scale, bias, one[None])[0]
         return np.asarray(blocks - blocks.mean(axis=1, keepdims=True))
 
@@ -288,7 +296,8 @@ class Reading:
 
 FEW_WINDOWS = 60
 """Windows in which scales are first tried."""
-DEG = np.pi / 180
+FEWER_WINDOWS = 20
+"""And all factors."""
 NEIGHBOURS = (0.5, 2.0)
 """Scales of neighbouring range settings, and of a sampling rate told wrongly."""
 SCALES = (*NEIGHBOURS, DEG, 1 / DEG, DEG / 1000, 1000 / DEG, 1e-3, 1e3, 0.01, 0.1, 10.0, 100.0)
@@ -351,7 +360,8 @@ def read_gyroscope(pair: Pair, rest_bias: np.ndarray | None) -> Reading:
     tried = [(1.0, found)]
     if not sure or not _is_right_scale(pair, bias, rest_bias is None):
         some = pair.few
-        likely = [scale for scale in SCALES if _least(some.scatter(scale, bias)) < _least(found)]
+        scales = [*SCALES, *_other_factors(some, bias)]
+        likely = [scale for scale in scales if _least(some.scatter(scale, bias)) < _least(found)]
         tried += [(scale, _with_bias(pair, scale, bias, within)) for scale in likely]
     scale, scatter = min(
         (one for one in tried if one[0] == 1.0 or _is_another_scale(found, one[1])),
@@ -364,6 +374,27 @@ def read_gyroscope(pair: Pair, rest_bias: np.ndarray | None) -> Reading:
     explained, is_open = _explained(nothing, best), _is_open(pair, scale, bias)
     one_axis = pair.about_one_axis
     return Reading(pair, scatter, scale, bias, turns, turning, one_axis, explained, is_open)
+
+
+def _other_factors(pair: Pair, bias: np.ndarray) -> list[float]:
+    """Factors that fit, the axes as they are, and are not near one of `SCALES`, nor near 1, where
+    the scale of a neighbouring range is looked for.
+
+    Args:
+        pair: In few windows.
+        bias: Taken off the rates first, shape (3,) [rad/s].
+    """
+    angle = float(np.quantile(pair.turning(bias), 0.9))
+    coarse, fine = (
+        lambda scale, one=one: one.scatter(scale, bias, MAPS[:1]).logs[0]
+        for one in (pair.some(FEWER_WINDOWS), pair)
+    )
+    found = best_factors(coarse, fine, angle)
+    return [
+        one
+        for one in found
+        if not NEAR[0] < one < NEAR[1] and all(abs(np.log(one / scale)) > LIKE for scale in SCALES)
+    ]
 
 
 def _least(scatter: Scatter) -> float:
@@ -409,7 +440,7 @@ def _is_right_scale(pair: Pair, bias: np.ndarray, unknown: bool) -> bool:
     own = some.scatter(1.0, bias, MAPS[:1]).logs[0]
     return not any(
         is_clear(own, some.scatter(scale, bias, MAPS[:1]).logs[0], some.windows.independent)
-        for scale in SCALES
+        for scale in (*SCALES, *_other_factors(some, bias))
     )
 
 

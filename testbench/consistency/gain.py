@@ -69,11 +69,11 @@ def find_gain(pair: Pair, bias: np.ndarray) -> Gain | None:
 def _refined(pair: Pair, gain: float, bias: np.ndarray) -> tuple[float, np.ndarray, float]:
     """Gain and bias by least squares from where they are, and the error of the gain's logarithm."""
     step = 0.005
-    begun, error = bias, np.inf
+    begun, error, plain = bias, np.inf, np.eye(3)
     for _ in range(ROUNDS):
-        now = _deviations(pair, gain, bias)
-        turned = (_deviations(pair, gain * (1 + step), bias) - now) / step
-        slopes = [(_deviations(pair, gain, bias + step * axis) - now) / step for axis in np.eye(3)]
+        now = pair.deviations(gain, plain, bias)
+        turned = (pair.deviations(gain * (1 + step), plain, bias) - now) / step
+        slopes = [(pair.deviations(gain, plain, bias + step * axis) - now) / step for axis in plain]
         slope = np.stack([turned, *slopes], axis=-1)
         # windows that something shakes count less
         variance = np.sum(now**2, axis=(1, 2)) / now.shape[1] + (FLOOR * pair.usual) ** 2
@@ -87,8 +87,3 @@ def _refined(pair: Pair, gain: float, bias: np.ndarray) -> tuple[float, np.ndarr
         bias = bias + change[1:]
         error = float(np.sqrt(np.linalg.inv(left)[0, 0]))
     return gain, bias, error
-
-
-def _deviations(pair: Pair, gain: float, bias: np.ndarray) -> np.ndarray:
-    blocks = pair.blocks(gain, bias, np.eye(3)[None])[0]
-    return np.asarray(blocks - blocks.mean(axis=1, keepdims=True))

@@ -19,6 +19,8 @@ RATE_SPREAD = 0.05
 """Nor one of a gyroscope by more than this part of what it does in motion (90 % quantile), ..."""
 LEAST_RATE_SPREAD = 0.03
 """... or than this [rad/s]."""
+LEAST_KNOWN = 0.5
+"""A window with gaps tells by what it has if this part of it is known."""
 FEWEST = 2
 AGREE = 0.01
 """Rests tell the bias if what they read differs by less (median deviation) [rad/s]; steady slow
@@ -71,9 +73,8 @@ def find_rests(excerpt: Excerpt, seconds: float) -> Rests:
     acc, gyr = (
         array[: count * size].reshape(count, size, 3) for array in (excerpt.acc, excerpt.gyr)
     )
-    mean, rate = acc.mean(axis=1), gyr.mean(axis=1)
+    (mean, spread), (rate, turning) = _moments(acc), _moments(gyr)
     norm = np.linalg.norm(mean, axis=1)
-    spread, turning = acc.std(axis=1).max(axis=1), gyr.std(axis=1).max(axis=1)
     has_acc, has_gyr = np.isfinite(excerpt.acc).any(), np.isfinite(excerpt.gyr).any()
     still = np.ones(count, dtype=bool)
     if has_acc:
@@ -83,3 +84,20 @@ def find_rests(excerpt: Excerpt, seconds: float) -> Rests:
         most = float(np.quantile(known, 0.9)) if len(known) else 0.0
         still &= turning <= max(RATE_SPREAD * most, LEAST_RATE_SPREAD)
     return Rests(mean[still], rate[still])
+
+
+def _moments(windows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Means of windows, shape (m, 3), and the largest standard deviation of an axis, shape (m,), by
+    the rows that are known; NaN where they are too few.
+
+    Args:
+        windows: Shape (m, k, 3).
+    """
+    known = np.isfinite(windows).all(axis=2)[:, :, None]
+    count = known.sum(axis=1)
+    enough = count >= LEAST_KNOWN * windows.shape[1]
+    count = np.where(enough, count, 1)
+    mean = np.where(known, windows, 0.0).sum(axis=1) / count
+    off = np.where(known, windows - mean[:, None], 0.0)
+    spread = np.sqrt((off**2).sum(axis=1) / count).max(axis=1)
+    return np.where(enough, mean, np.nan), np.where(enough[:, 0], spread, np.nan)

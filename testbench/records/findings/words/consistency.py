@@ -57,6 +57,12 @@ TEMPLATES = {
         "us, ns), or of counts of another length the rate by --rate, or the gyroscope's unit by "
         "gyr.unit or --unit gyr=UNIT (rad/s, deg/s, mdeg/s)",
     ),
+    "consistency.gyr_factor": Template(
+        WARNING,
+        "gravity turns {factor:.3g} times as far as its gyroscope says",
+        "{means}",
+        "{mends}; --unit gyr=UNIT in the unit it was read in confirms it as it is",
+    ),
     "consistency.scale_or_rate": Template(
         WARNING,
         "gravity turns {scale:.3g} times as far as its gyroscope says at {rate_hz:.4g} Hz",
