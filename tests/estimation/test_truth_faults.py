@@ -86,7 +86,8 @@ def ramped(truth: Truth, begin: float, seconds: float, degrees: float) -> Truth:
 def test_a_step_is_found_however_it_was_smoothed_and_whichever_way(motion, begin, seconds, degrees):
     samples, truth = motion
     faults = find_faults(samples, samples.device_time_ns, ramped(truth, begin, seconds, degrees))
-    assert [own.code for own in faults.findings] == ["truth.stepped"]
+    (found,) = faults.findings
+    assert (found.code, found.values["steps"]) == ("truth.stepped", 1)
     inner = slice(10, -10)
     apart = np.any([own.rows for own in faults.apart], axis=0)[inner]
     rest = ~faults.stepped[inner]

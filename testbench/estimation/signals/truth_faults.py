@@ -40,7 +40,9 @@ LONGEST_LAG_S, LAG_SPAN_S, LAG_SPANS = 0.3, 0.2, 2_000
 """A truth may come so late from beginning to end, by turns over so long, so many of them [s, s, 1].
 """
 LEAST_GAP_S = 0.1
-"""Over a longer gap of the truth it is asked whether both sides fit [s]."""
+"""Over a longer gap of the truth it is asked whether both sides fit, and steps that are closer are
+one [s].
+"""
 SCALE = 0.03
 """Part of its path by which a gyroscope's turn may be wrong [1]."""
 DRIFT = np.radians(0.1)
@@ -467,6 +469,9 @@ def _steps(both: _Compared) -> tuple[np.ndarray, np.ndarray]:
         far = (differ > LEAST_STEP + wrong) & (span <= 2.5 * apart * usual)
         if apart == 1:
             steps = far
+            for a, b in pairwise(np.flatnonzero(steps) + 1):
+                if rows[b - 1] - rows[a] < LEAST_GAP_S * NANOSECONDS:  # one step, in several
+                    within[a:b] = True
             continue
         known = np.concatenate([[0], np.cumsum(steps | within[1:])])
         for i in np.flatnonzero(far):
