@@ -250,6 +250,24 @@ def test_both_halves_of_a_truth_that_steps_are_judged_each_in_its_own_frames(jud
     assert np.degrees(turns.max()) < 20
 
 
+def test_a_truth_that_steps_thrice_leaves_enough_to_fit_a_clock_to(judge, sticks):
+    def thrice(time, q):
+        lower = q["lower"]
+        for i, after in enumerate((18, 35, 52)):
+            by = Rotation.from_euler("XYZ"[i], 50, degrees=True)
+            lower = turned(lower, time > after, by)
+        return time, q | {"lower": lower}
+
+    _, estimated, evaluation = judge(sticks, thrice)
+    assert "steps 3 times" in told(evaluation, "lower")["truth.stepped"]
+    sensor = estimated.sensors["lower"]
+    assert sensor.clock.method == "angular_rate"
+    assert sensor.clock.drift_ppm == pytest.approx(DRIFT_PPM, abs=100)
+    assert sensor.is_apart.any()
+    (row,) = (own for own in evaluation.orientation if own.sensor == "lower")
+    assert row.total_rmse_deg < 3 and row.total_max_deg < 8
+
+
 def halves(evaluation, time: float) -> list[np.ndarray]:
     """Judged errors of the lower sensor before and after a time [deg]."""
     series = evaluation.series["orientation_lower"]

@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.estimation.alignment.truth_reading import RateFit, fit_rates, misread
 from testbench.estimation.signals.access import SampleAccess
+from testbench.estimation.signals.common_motion import MOST_DRIFT
 from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.estimation.signals.truth_faults import Apart, find_faults, without_repetitions
 from testbench.frames import NANOSECONDS
@@ -35,6 +36,8 @@ FOREIGN = 0.5
 """A truth whose rates explain less of the variance than this is remarked on [1]."""
 ALIKE = 0.9
 """Magnitudes of rates that correlate by more are those of one motion [1]."""
+LEFT_OVER = 1.3
+"""A clock by which the rates differ by so much more is that of something else [1]."""
 FROZEN, STEPPED = "the truth stands still", "the truth has stepped"
 """Why samples are left out whose truth was lost."""
 NOT_IN_THE_WAY = {"clock.shifted", "clock.unfitted", "clock.as_stated"}
@@ -148,11 +151,11 @@ def true_motion(
     findings = [*sound.findings]
     if doubt is not None:
         findings.append(doubt)
-    if told is not None and (doubt is None or doubt.code != "clock.no_common_motion"):
+    unaligned = sound.unaligned or _in_the_way(doubt)
+    if told is not None and unaligned != "clock.no_common_motion":
         findings.insert(0, told)
     if doubt is None and sound.clock.method == "none" and sound.truth is not None:
         findings += _late(access, sound.truth, described, sound.clock)
-    unaligned = "" if doubt is None or doubt.code == "truth.foreign" else doubt.code
     return replace(sound, findings=findings, unaligned=unaligned, fit=fit)
 
 
@@ -169,9 +172,14 @@ def _without_faults(
     clock, turned = motion.clock, access.turned
     faults = find_faults(turned, clock.to_host(turned.device_time_ns), motion.truth)
     if faults.findings and align:
-        clock = sensor_clock(access.samples, faults.truth, described, align, access.every)
-        if clock.refused:
-            return motion
+        fits = [
+            sensor_clock(access.samples, truth, described, align, access.every)
+            for truth in (faults.truth, faults.rates)
+        ]
+        clock = _surest(fits, clock)
+        if clock is motion.clock and abs(clock.drift_ppm) > 1e6 * MOST_DRIFT:
+            told = finding("clock.no_common_motion", correlation=_known(clock.correlation))
+            return replace(motion, findings=[told, *faults.findings], unaligned=told.code)
         faults = find_faults(turned, clock.to_host(turned.device_time_ns), motion.truth)
     if not faults.findings:
         return motion
@@ -181,6 +189,27 @@ def _without_faults(
     lost = {FROZEN: faults.frozen, STEPPED: faults.stepped}
     lost = {reason: flags for reason, flags in lost.items() if flags.any()}
     return TrueMotion(clock, faults.truth, lost, faults.findings, apart=faults.apart)
+
+
+def _surest(fits: list[ClockFit], otherwise: ClockFit) -> ClockFit:
+    """The clock that is known best, of those that leave hardly more than the others do.
+
+    Too little may be left of a truth that steps to fit a clock to; and the pieces that do not fit
+    the rest may be of another body, or of another time.
+
+    Args:
+        fits: To parts of a truth.
+        otherwise: Taken where every fit was refused.
+    """
+    sound = [own for own in fits if own.method == "angular_rate"]
+    least = min((own.residual_deg_s for own in sound), default=0.0)
+    good = [own for own in sound if own.residual_deg_s <= LEFT_OVER * least]
+    return min(good, key=lambda own: own.offset_sd_s, default=otherwise)
+
+
+def _in_the_way(doubt: Finding | None) -> str:
+    """Code of a doubt by which the truth cannot be compared, or ""."""
+    return "" if doubt is None or doubt.code == "truth.foreign" else doubt.code
 
 
 def _doubt(

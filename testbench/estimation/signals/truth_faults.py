@@ -30,10 +30,19 @@ LEAST_TURN, LEAST_RATE = np.radians(4.0), np.radians(3.0)
 SMOOTHED_S = 0.25
 LEAST_STEP = np.radians(8.0)
 """A truth that turns by so much more than the gyroscope has stepped [rad]."""
-STEP_WITHIN_S = 0.2
-"""A step that a reference smooths takes no longer [s]."""
+STEP_WITHIN_S = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+"""Over so long it is asked whether the truth turns as far as the gyroscope does: steps may be
+smoothed, or filled in [s].
+"""
+SLACK_S = 0.02
+"""By so much the truth may come earlier or later anywhere: filters delay, and clocks wander [s]."""
+LONGEST_LAG_S, LAG_SPAN_S, LAG_SPANS = 0.3, 0.2, 2_000
+"""A truth may come so late from beginning to end, by turns over so long, so many of them [s, s, 1].
+"""
 LEAST_GAP_S = 0.1
-"""Over a longer gap of the truth it is asked whether both sides fit [s]."""
+"""Over a longer gap of the truth it is asked whether both sides fit, and steps that are closer are
+one [s].
+"""
 SCALE = 0.03
 """Part of its path by which a gyroscope's turn may be wrong [1]."""
 DRIFT = np.radians(0.1)
@@ -42,6 +51,10 @@ LOOSEST = np.radians(25.0)
 """Pieces that cannot be compared better than this are not compared [rad]."""
 ANY_TURN = 1e3
 """What a sensor may have turned by while it gave no samples [rad]."""
+LASTING_S, LEAST_LASTING = 3.0, 0.45
+"""Where less of the motion lies in pieces that last so long, truth and gyroscope differ everywhere:
+axes, range or scale of the one are wrong, and no smoothed step is the cause [s, 1].
+"""
 COMPARED_S, INSTANTS = 0.5, 5
 """Pieces are compared at so many instants of so long an end of each [s]."""
 MOST_CLASSES = 8
@@ -73,6 +86,8 @@ class TruthFaults:
 
     Attributes:
         truth: With its lost rows unknown.
+        rates: With those rows unknown by which it does not turn as fast as the sensor: where it
+            stood still, and beside its steps. How fast it turns depends on no frame.
         frozen: Samples while the truth stood still, shape (n,), bool.
         stepped: Samples of pieces that do not fit the rest, shape (n,), bool.
         findings: In words.
@@ -80,6 +95,7 @@ class TruthFaults:
     """
 
     truth: Truth
+    rates: Truth
     frozen: np.ndarray
     stepped: np.ndarray
     findings: list[Finding] = field(default_factory=list)
@@ -102,6 +118,15 @@ class _Cut:
     angle: float = 0.0
     begins: list[int] = field(default_factory=list)
     others: list[list[tuple[int, int]]] = field(default_factory=list)
+
+    def turns_with_the_sensor(self) -> np.ndarray:
+        """Rows of all pieces but those beside a step, shape (m,), bool."""
+        inner = ~self.dropped
+        for first, end in (piece for pieces in self.others for piece in pieces):
+            inner[first:end] = True
+        for first in self.begins:
+            inner[max(first - BESIDE, 0) : first + BESIDE] = False
+        return inner
 
 
 @dataclass(frozen=True)
@@ -151,7 +176,7 @@ class _Compared:
     Attributes:
         time_ns: Shape (m,) [ns].
         q: The truth, shape (m, 4).
-        turned: Orientation by the gyroscope alone, shape (m, 4).
+        turned: Orientation by the gyroscope alone, earlier, then, and later, shape (3, m, 4).
         path: Angle passed through by it, shape (m,) [rad].
     """
 
@@ -159,6 +184,27 @@ class _Compared:
     q: np.ndarray
     turned: np.ndarray
     path: np.ndarray
+
+    @staticmethod
+    def of(time_ns: np.ndarray, q: np.ndarray, turning: _Turning) -> _Compared:
+        """Side by side, whatever the delay between the two is.
+
+        Args:
+            time_ns: Of the truth, shape (m,) [ns].
+            q: The truth, shape (m, 4).
+            turning: Of the gyroscope.
+        """
+        lags = np.round(NANOSECONDS * np.array([-SLACK_S, 0.0, SLACK_S])).astype(np.int64)
+        lags += _lag(time_ns, q, turning)
+        turned = np.stack([turning.at(time_ns + lag) for lag in lags])
+        return _Compared(time_ns, q, turned, turning.path_at(time_ns + lags[1]))
+
+    def differences(self, i: np.ndarray | slice, j: np.ndarray | slice) -> np.ndarray:
+        """How differently both turn from rows i to rows j, for the three delays, shape (3, k)
+        [rad].
+        """
+        true = _angle_between(self.q[i], self.q[j])
+        return np.abs(true - _angle_between(self.turned[:, i], self.turned[:, j]))
 
 
 def find_faults(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> TruthFaults:
@@ -173,12 +219,12 @@ def find_faults(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> Truth
     known = np.flatnonzero(np.isfinite(truth.q_world_from_sensor).all(axis=1))
     read = np.isfinite(samples.gyr).all(axis=1)  # a rate that was not read is as one not sampled
     if read.sum() < 2 or (np.diff(time_ns) <= 0).any():
-        return TruthFaults(truth, none, none)
+        return TruthFaults(truth, truth, none, none)
     sampled_ns = time_ns[read]
     known = known[(truth.host_time_ns[known] >= sampled_ns[0])]
     known = known[(truth.host_time_ns[known] <= sampled_ns[-1])]
     if len(known) < 10:
-        return TruthFaults(truth, none, none)
+        return TruthFaults(truth, truth, none, none)
     rows, q = truth.host_time_ns[known], truth.q_world_from_sensor[known]
     rest = rest_reading(samples.gyr[read], lambda ends: _truth_stays(rows, q, sampled_ns, ends))
     turning = _Turning.of(samples.gyr[read] - rest, sampled_ns)
@@ -189,13 +235,16 @@ def find_faults(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> Truth
     halted = lost.copy()
     stays = np.flatnonzero(~lost)
     times = rows[stays]
-    cut = _cut(_Compared(times, q[stays], turning.at(times), turning.path_at(times)))
+    cut = _cut(_Compared.of(times, q[stays], turning))
     findings = _findings(rows, frozen, times, cut)
+    turns = known[stays[cut.turns_with_the_sensor()]]
     lost[stays[cut.dropped]] = True
     if not lost.any():
-        return TruthFaults(truth, none, none)
+        return TruthFaults(truth, truth, none, none)
+    every = np.arange(len(truth.host_time_ns))
     return TruthFaults(
-        _only(truth, np.setdiff1d(np.arange(len(truth.host_time_ns)), known[lost])),
+        _only(truth, np.setdiff1d(every, known[lost])),
+        _only(truth, np.union1d(np.setdiff1d(every, known), turns)),
         _samples_of(time_ns, rows, halted),
         _samples_of(time_ns, rows, lost & ~halted),
         findings,
@@ -289,8 +338,8 @@ def _samples_of(time_ns: np.ndarray, rows: np.ndarray, lost: np.ndarray) -> np.n
     """
     marked = np.zeros(len(time_ns), dtype=bool)
     for first, end in intervals_of(lost, 1):
-        begin_ns = rows[first - BESIDE] if first >= BESIDE else rows[0] - 1
-        end_ns = rows[end + BESIDE - 1] if end + BESIDE - 1 < len(rows) else rows[-1] + 1
+        begin_ns = rows[first - BESIDE] if first >= BESIDE else time_ns[0] - 1
+        end_ns = rows[end + BESIDE - 1] if end + BESIDE - 1 < len(rows) else time_ns[-1] + 1
         marked[_between(time_ns, begin_ns, end_ns)] = True
     return marked
 
@@ -322,6 +371,44 @@ def _frozen(rows: np.ndarray, q: np.ndarray, turning: _Turning) -> list[tuple[in
     return list(zip(first[long].tolist(), last[long].tolist(), strict=True))
 
 
+def _lag(time_ns: np.ndarray, q: np.ndarray, turning: _Turning) -> int:
+    """How late the gyroscope turns after the truth, all in all [ns].
+
+    A truth that comes late is not one that steps.
+
+    Args:
+        time_ns: Of the truth, shape (m,) [ns].
+        q: The truth, shape (m, 4).
+        turning: Of the gyroscope.
+    """
+    usual = max(float(np.median(np.diff(time_ns))), 1.0) if len(time_ns) > 1 else 1.0
+    apart = max(round(LAG_SPAN_S * NANOSECONDS / usual), 1)
+    i = np.arange(0, len(time_ns) - apart, max((len(time_ns) - apart) // LAG_SPANS, 1))
+    if len(i) < 2:
+        return 0
+    true = _angle_between(q[i], q[i + apart])
+    lags = np.arange(-LONGEST_LAG_S, LONGEST_LAG_S + SLACK_S / 2, SLACK_S) * NANOSECONDS
+    lags = np.round(lags).astype(np.int64)
+    begin, end = time_ns[i], time_ns[i + apart]
+    apart_by = [
+        float(np.mean(np.minimum(np.abs(true - turned), LEAST_STEP)))
+        for turned in (
+            _angle_between(turning.at(begin + own), turning.at(end + own)) for own in lags
+        )
+    ]
+    return int(lags[int(np.argmin(apart_by))])
+
+
+def _angle_between(first: np.ndarray, then: np.ndarray) -> np.ndarray:
+    """Angles of the rotations from some orientations to others, shape (..., k) [rad].
+
+    Args:
+        first: Those that the rotations begin at, shape (..., k, 4).
+        then: Where they end, shape (..., k, 4).
+    """
+    return np.asarray(rotation.angle(rotation.multiply(rotation.conjugate(first), then)))
+
+
 def _cut(both: _Compared) -> _Cut:
     """Cut a truth where it steps, and drop the pieces that do not fit those that last longest."""
     rows = both.time_ns
@@ -336,6 +423,8 @@ def _cut(both: _Compared) -> _Cut:
         return whole
     edges = np.concatenate([[0], borders, [len(rows)]])
     pieces = [(int(a), int(b)) for a, b in pairwise(edges) if not within[a:b].all()]
+    if within.any() and _lasting(within, both) < LEAST_LASTING:
+        return whole
     classes = _classes(pieces, both)
     lengths: dict[int, float] = {}
     for (first, end), own in zip(pieces, classes, strict=True):
@@ -363,26 +452,47 @@ def _cut(both: _Compared) -> _Cut:
 def _steps(both: _Compared) -> tuple[np.ndarray, np.ndarray]:
     """Where the truth steps: between which rows, shape (m - 1,), and rows within a smoothed step,
     shape (m,), bool.
+
+    Both angles of a relative rotation are compared, and either may be the larger: a step against
+    the motion leaves the truth turning less. How far the gyroscope turned on its way counts for
+    nothing but its error.
     """
-    rows, q, path = both.time_ns, both.q, both.path
+    rows = both.time_ns
     within = np.zeros(len(rows), dtype=bool)
     steps = np.zeros(len(rows) - 1, dtype=bool)
     usual = max(float(np.median(np.diff(rows))), 1.0)
-    for apart in sorted({1, max(round(STEP_WITHIN_S * NANOSECONDS / usual), 1)}):
-        if apart >= len(rows):
-            continue
-        angle = rotation.angle(rotation.multiply(rotation.conjugate(q[:-apart]), q[apart:]))
-        close = rows[apart:] - rows[:-apart] <= 2.5 * apart * usual
-        far = close & (angle - 1.2 * (path[apart:] - path[:-apart]) > LEAST_STEP)
+    spans = {max(round(seconds * NANOSECONDS / usual), 1) for seconds in STEP_WITHIN_S}
+    for apart in sorted({1} | {span for span in spans if span < len(rows)}):
+        span = rows[apart:] - rows[:-apart]
+        wrong = SCALE * (both.path[apart:] - both.path[:-apart]) + DRIFT * span / NANOSECONDS
+        differ = both.differences(slice(None, -apart), slice(apart, None)).min(axis=0)
+        far = (differ > LEAST_STEP + wrong) & (span <= 2.5 * apart * usual)
         if apart == 1:
-            steps |= far
+            steps = far
+            for a, b in pairwise(np.flatnonzero(steps) + 1):
+                if rows[b - 1] - rows[a] < LEAST_GAP_S * NANOSECONDS:  # one step, in several
+                    within[a:b] = True
             continue
-        sharp = np.concatenate([[0], np.cumsum(steps)])
+        known = np.concatenate([[0], np.cumsum(steps | within[1:])])
         for i in np.flatnonzero(far):
-            if sharp[i + apart] == sharp[i]:  # no sharp step explains it
+            if known[i + apart] == known[i]:  # nothing shorter explains it
                 within[i + 1 : i + apart] = True
     smooth = within[1:] != within[:-1]
     return steps | smooth, within
+
+
+def _lasting(within: np.ndarray, both: _Compared) -> float:
+    """Part of the gyroscope's path that lies in pieces which last, [1].
+
+    Args:
+        within: Rows in which the two turn differently, shape (m,), bool.
+        both: Truth and gyroscope.
+    """
+    path = np.concatenate([[0.0], np.cumsum(np.minimum(np.diff(both.path), np.pi))])
+    first, last = intervals_of(~within, 1).T - [[0], [1]]
+    seconds = (both.time_ns[last] - both.time_ns[first]) / NANOSECONDS
+    lasts = seconds >= LASTING_S
+    return float((path[last] - path[first])[lasts].sum()) / max(float(path[-1]), 1e-9)
 
 
 def _classes(pieces: list[tuple[int, int]], both: _Compared) -> list[int]:
@@ -420,14 +530,10 @@ def _misfit(
     i = np.unique(np.linspace(first, before[1] - 1, INSTANTS).round().astype(int))
     j = np.unique(np.linspace(after[0], end - 1, INSTANTS).round().astype(int))
     i, j = (grid.ravel() for grid in np.meshgrid(i, j))
-    true, turned = (
-        rotation.angle(rotation.multiply(rotation.conjugate(own[i]), own[j]))
-        for own in (both.q, both.turned)
-    )
     span = float(rows[after[0]] - rows[before[1] - 1]) / NANOSECONDS
     whole = both.path[j] - both.path[i]
     allowed = LEAST_STEP + SCALE * float(whole.max()) + DRIFT * span
-    return float(np.max(np.abs(true - turned))), allowed
+    return float(both.differences(i, j).max(axis=1).min()), allowed
 
 
 def _findings(

@@ -20,7 +20,8 @@ TEMPLATES = {
         WARNING,
         "no common motion: its angular rates fit those of the truth at no shift of their times "
         "(best correlation {correlation:.2f})",
-        "the two are of different recordings, or of different bodies; nothing of it is judged",
+        "the two are of different recordings, or of different bodies, or the time of one jumps; "
+        "nothing of it is judged",
         "if both are on one clock, say so with `same_clock: true` beside the truth or "
         "`align_clock: false` in `estimate`, else state what is to be added to the truth's times "
         "with --truth-offset",
@@ -154,8 +155,9 @@ TEMPLATES = {
         WARNING,
         "the truth steps {steps} times by up to {angle_deg:.0f} deg, first at {at_s:.2f} s, which "
         "the gyroscope does not see",
-        "the reference took one body for another; {lost_s:.1f} s of it that do not fit the rest "
-        "were left out",
+        "the reference took one body for another or filled in what it did not see, or samples were "
+        "lost or repeated, or a clock jumped; {lost_s:.1f} s of it that do not fit the rest were "
+        "left out",
     ),
     "truth.aligned_apart": Template(
         WARNING,
