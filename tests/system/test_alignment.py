@@ -268,6 +268,16 @@ def test_a_truth_that_steps_thrice_leaves_enough_to_fit_a_clock_to(judge, sticks
     assert row.total_rmse_deg < 3 and row.total_max_deg < 8
 
 
+def test_a_truth_whose_time_jumps_is_not_judged_by_a_clock_between_its_halves(judge, sticks):
+    def jumping(time, q):
+        return time + np.where(time > 35, 0.3, 0.0), q
+
+    _, _, evaluation = judge(sticks, jumping)
+    assert "the time of one jumps" in told(evaluation, "lower")["clock.no_common_motion"]
+    assert "clock.shifted" not in told(evaluation, "lower")
+    assert not evaluation.orientation
+
+
 def halves(evaluation, time: float) -> list[np.ndarray]:
     """Judged errors of the lower sensor before and after a time [deg]."""
     series = evaluation.series["orientation_lower"]

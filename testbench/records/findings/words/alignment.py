@@ -18,7 +18,7 @@ TEMPLATES = {
     ),
     "clock.no_common_motion": Template(
         WARNING,
-        "no common motion: its angular rates fit those of the truth at no shift of their times "
+        "no common motion: its angular rates fit those of the truth at no one shift of their times "
         "(best correlation {correlation:.2f})",
         "the two are of different recordings, or of different bodies, or the time of one jumps; "
         "nothing of it is judged",
