@@ -325,7 +325,7 @@ def _tell_scale(looked: Looked, reading: Reading) -> None:
         looked.tell("scale_or_rate", scale=scale, rate_hz=rate, other_rate_hz=rate / scale)
         return
     blurred = scale
-    if reading.explained < EXACT:
+    if reading.explained < EXACT and scale not in UNITS_OF_RATE:
         blurred, scale = scale, _unblurred(reading)
     unit = UNITS_OF_RATE.get(scale)
     if unit is not None:
@@ -356,13 +356,13 @@ def _tell_scale(looked: Looked, reading: Reading) -> None:
 
 
 def _unblurred(reading: Reading) -> float:
-    """The scale that fits best if a lever may explain what turning does not; that of a unit, or the
-    one without a lever, where it fits no worse.
+    """The scale that fits best if a lever may explain what turning does not; that of a unit where
+    it fits no worse.
     """
     pair, bias = reading.pair.some(FEWER_WINDOWS), reading.bias
     best = factor_with_lever(pair, reading.scale, bias)
     left = scatter_with_lever(pair, best, bias)
-    for one in (reading.scale, *UNITS_OF_RATE):
+    for one in UNITS_OF_RATE:
         if abs(np.log(one / best)) < BLUR:
             worse = scatter_with_lever(pair, one, bias).logs[0]
             if not is_clear(worse, left.logs[0], left.independent):
