@@ -34,7 +34,7 @@ TEMPLATES = {
     ),
     "structure.lines_of_text": Template(
         WARNING,
-        "{count} lines of {file} hold no number (the first is line {line}, '{text}')",
+        "{file}: lines without any number: {count} (the first is line {line}, '{text}')",
         "they are left out, and what should stand there is missing",
     ),
     "structure.cut_short": Template(
