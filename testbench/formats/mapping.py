@@ -331,6 +331,12 @@ class MappingSpec(StrictModel):
         max_length=1000,
         description="Intervals whose samples count as lost, each with a reason.",
     )
+    beside: list[str] = Field(
+        default=[],
+        max_length=100,
+        description="Patterns of files that stand beside the samples: those that no sensor reads "
+        "are left out, and said, instead of refused.",
+    )
     estimate: Estimation | None = Field(
         default=None, description="As in a protocol; left out: what suits the sensors."
     )

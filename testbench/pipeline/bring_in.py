@@ -62,8 +62,9 @@ def guess_mapping(files: Iterable[str], out: str | None = None) -> Guessed:
         FileProblems: A file is not there.
     """
     from testbench.formats.guessing.guess import default_name, guess
+    from testbench.formats.mapped.files import inside
 
-    paths = [Path(file) for file in files]
+    paths = [own for file in files for own in inside(Path(file))]
     found = guess(paths)
     if found.mapping is None:
         return Guessed(found.formats, found.shipped, found.seen, None)

@@ -53,6 +53,7 @@ def test_pieces_are_looked_at_as_the_whole_is(known: Known) -> None:
     (found,) = [one for one in watched.findings() if one.severity is Severity.WARNING]
     assert found.code == "consistency.gyr_mirrored"
     assert found.values["axes"] == ["x: +x, y: +y, z: -z"]
+    assert "{x: +x, y: +y, z: -z}" in str(found) and "{{" not in str(found)
     assert "gyr.axes" in found.remedy
 
 

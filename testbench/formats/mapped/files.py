@@ -82,6 +82,20 @@ class Meant:
     file: Path | None
 
 
+def inside(given: Path) -> list[Path]:
+    """The tables of text in a folder, or a file itself.
+
+    Raises:
+        InputError: There are none.
+    """
+    if not given.is_dir():
+        return [given]
+    found = sorted(file for file in given.iterdir() if file.suffix.lower() in (".csv", ".tsv"))
+    if not found:
+        raise InputError(f"{given}: no .csv or .tsv stands in this folder")
+    return found
+
+
 def fitting(patterns: str | list[str], files: Sequence[Path]) -> list[Path]:
     """The files that a pattern, or the first of several that fits any, means."""
     for pattern in [patterns] if isinstance(patterns, str) else patterns:

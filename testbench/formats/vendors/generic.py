@@ -8,7 +8,7 @@ from testbench.exceptions import InputError
 from testbench.formats.common_clock import share_clock
 from testbench.formats.mapped.build import Build
 from testbench.formats.mapped.chain import chain_of
-from testbench.formats.mapped.files import Files, Meant, Place, sensors_meant
+from testbench.formats.mapped.files import Files, Meant, Place, fitting, inside, sensors_meant
 from testbench.formats.mapped.sensor import Mapped, mapped_sensor
 from testbench.formats.mapping import MappingSpec, find_mapping
 from testbench.formats.names import sensor_name, stem_without_stamp
@@ -48,12 +48,15 @@ def read(files: list[Path], options: Options) -> Recording:
         raise InputError("no file of samples was given beside the mapping")
     document = find_mapping(name)
     spec = document.value
+    files = [own for given in files for own in inside(given)]
+    beside = [file for file in files if fitting(spec.beside, [file])]
     encoding = options.encoding_or(None)
     layout = spec.text if encoding is None else spec.text.model_copy(update={"encoding": encoding})
     opened = Files(files, layout)
     meant = sensors_meant(document, files)
     for file in files:  # a file that cannot be read is refused before what the mapping says of it
-        opened.table(file)
+        if file not in beside:
+            opened.table(file)
     opened.used.clear()
     mapped = {
         one.name: mapped_sensor(
@@ -66,13 +69,15 @@ def read(files: list[Path], options: Options) -> Recording:
     if spec.hemisphere is not None:
         for one in mapped.values():
             one.sensor.details["hemisphere"] = spec.hemisphere
-    unused = [file.name for file in files if file not in opened.used]
+    left = sorted(file.name for file in beside if file not in opened.used)
+    unused = [file.name for file in files if file not in [*opened.used, *beside]]
     if unused:
         raise InputError(f"{', '.join(sorted(unused))}: no sensor of the mapping reads it")
     chain, kept = chain_of(document, list(mapped))
     analysis = _analysis(document, meant, mapped, chain)
     findings = [
         finding("structure.mapping", file=document.file.name, description=spec.description),
+        *([finding("structure.files_unread", files=left)] if left else []),
         *_closed(opened),
         *_shared(mapped),
     ]

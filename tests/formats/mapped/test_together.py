@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.exceptions import FileProblems
+from testbench.exceptions import FileProblems, InputError
 from testbench.formats import import_recording
 from testbench.formats.options import Options
 from tests.formats.mapped.mappings import PHONE, check
@@ -75,6 +75,17 @@ def test_the_files_of_sensor_logger_and_phyphox_read_by_their_mappings(
     files = [tmp_path / "TotalAcceleration.csv", tmp_path / "Gyroscope.csv"]
     session = import_recording("generic", files, tmp_path / "a", clock, Options("sensor_logger"))
     check(session.imu("phone"), m)
+    table("Accelerometer.csv", {"time": ns} | xyz("{}", 0 * m.acc, "xyz"))
+    (tmp_path / "Metadata.csv").write_text("version,device name\n3,Pixel\n")
+    session = import_recording(
+        "generic", [tmp_path], tmp_path / "c", clock, Options("sensor_logger")
+    )
+    check(session.imu("phone"), m)
+    (left,) = (f for f in session.manifest.findings if f.code == "structure.files_unread")
+    assert left.values["files"] == ["Accelerometer.csv", "Metadata.csv"]
+    table("Notes.csv", {"time": ns})
+    with pytest.raises(InputError, match=r"Notes\.csv: no sensor of the mapping reads it"):
+        import_recording("generic", [tmp_path], tmp_path / "d", clock, Options("sensor_logger"))
     files = []
     for kind, unit, values in (("Accelerometer", "m/s^2", m.acc), ("Gyroscope", "rad/s", m.gyr)):
         columns = {'"Time (s)"': m.t} | xyz(f'"{{}} ({unit})"', values)

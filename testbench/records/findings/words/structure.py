@@ -34,7 +34,7 @@ TEMPLATES = {
     ),
     "structure.lines_of_text": Template(
         WARNING,
-        "{count} lines of {file} hold no number (the first is line {line}, '{text}')",
+        "{file}: lines without any number: {count} (the first is line {line}, '{text}')",
         "they are left out, and what should stand there is missing",
     ),
     "structure.cut_short": Template(
@@ -84,6 +84,7 @@ TEMPLATES = {
         "a mapping of the generic format reads them",
     ),
     "structure.files_left": Template(NOTE, "left out, as they hold no motion: {files}"),
+    "structure.files_unread": Template(NOTE, "left out, as the mapping reads none of: {files}"),
     "structure.stale_rows": Template(
         NOTE,
         "{count} rows at the beginning are all zero, or left over from an earlier measurement",
