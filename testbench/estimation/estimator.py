@@ -54,8 +54,8 @@ def estimate(
     run = RunFacts.of(session)
     prepared = _prepared(stored, session.sensor_names, run)
     sensors = {name: sensor.run(chosen) for name, sensor in prepared.items()}
-    forces = {name: sensor.access.samples.acc for name, sensor in prepared.items()}
-    joints = estimate_joints(session.analysis.joints, run, sensors, forces, chosen)
+    read = {name: sensor.read for name, sensor in prepared.items()}
+    joints = estimate_joints(session.analysis.joints, run, sensors, read, chosen)
     chain, chain_findings = (
         chain_of_session(session, run, sensors) if settings.chain is not None else ([], [])
     )
@@ -107,8 +107,8 @@ class PreparedSession:
     def run(self, filters: Sequence[OrientationFilter]) -> Estimate:
         """The estimate by some filters, of the sensors and joints that were prepared."""
         sensors = {name: sensor.run(filters) for name, sensor in self.sensors.items()}
-        forces = {name: sensor.access.samples.acc for name, sensor in self.sensors.items()}
-        joints = estimate_joints(self._joints, self._facts, sensors, forces, filters)
+        read = {name: sensor.read for name, sensor in self.sensors.items()}
+        joints = estimate_joints(self._joints, self._facts, sensors, read, filters)
         used = {kind.name: kind.parameters for kind in filters}
         return Estimate(self._session, self._fingerprint, sensors, joints, used)
 

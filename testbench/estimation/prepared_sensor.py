@@ -19,6 +19,7 @@ from testbench.estimation.alignment.true_motion import TrueMotion, true_motion
 from testbench.estimation.calibration.calibration_sections import corrected, fit_sections
 from testbench.estimation.calibration.stored_calibration import corrector
 from testbench.estimation.filters import OrientationFilter, UniformSamples
+from testbench.estimation.joints.body import Read
 from testbench.estimation.signals.access import Correct, SampleAccess
 from testbench.estimation.signals.recording import RunFacts, SensorRecording
 from testbench.estimation.signals.segmentation import detect_static, detect_static_by_force
@@ -68,6 +69,15 @@ class PreparedSensor:
     correct: Correct
     estimate: SensorEstimate
     apart: list[PieceAlignment] = field(default_factory=list)
+
+    @property
+    def read(self) -> Read:
+        """What the joints of a body are computed from beside the orientations."""
+        turned = self.access.turned
+        return Read(
+            self.access.samples.acc,
+            self.estimate.calibration.apply(turned.gyr, turned.acc, None)[0],
+        )
 
     def unaligned(self, why: Finding) -> PreparedSensor:
         """The same, of a sensor whose truth cannot be compared with it.

@@ -8,10 +8,12 @@ from scipy.spatial.transform import Rotation
 
 from testbench.estimation.joints.angle_sd import INCLINATION_SD, AngleBudget, angle_sd
 from testbench.estimation.joints.facing import Facing, Relative, Unknown, find_facing
+from testbench.estimation.joints.heading_drift import heading_drift
 from testbench.estimation.joints.joint_centre import heading_by_centre
 from testbench.estimation.joints.limb import Limb, limbs_of
 from testbench.estimation.joints.placement import by_pose
 from testbench.estimation.joints.standing import find_standing
+from testbench.model import rotation
 from testbench.model.decomposition import Euler
 from testbench.records.specs.anatomy import kind_of, side_of
 from testbench.records.specs.protocol import BodyJoint
@@ -154,3 +156,38 @@ def test_names_tell_joints_and_sides():
     assert kind_of("RKnee") == "knee" and kind_of("left_hip") == "hip" and kind_of("bend") is None
     assert side_of("RFemur") == "right" and side_of("knee_l") == "left"
     assert side_of("knee", "LTibia") == "left" and side_of("knee", "shank") is None
+
+
+def test_a_heading_astray_is_seen_from_the_bias_that_a_rest_shows():
+    bias, believed = np.array([0.004, -0.003, 0.01]), np.array([0.0, 0.0, 0.002])
+    rate = 0.3 * np.sin(TIME)[:, None] * [1.0, 0.5, 0.7] * (TIME < 15)[:, None]
+    q = [np.array([1.0, 0.0, 0.0, 0.0])]
+    for own in rate[1:] + bias - believed:
+        turn = rotation.from_rotation_vector(own / HZ)
+        q.append(rotation.normalise(rotation.multiply(q[-1], turn)))
+    read = rate + bias + np.random.default_rng(2).normal(0, 0.005, rate.shape)
+    found = heading_drift(TIME_NS, np.array(q), read, TIME > 15.2)
+    assert found is not None
+    level = rotation.rotate(np.array(q)[1:], believed - bias)[:, 2]
+    wanted = np.sum(level) / HZ
+    sd = np.hypot(found.rate_sd * TIME[-1], found.walk * np.sqrt(TIME[-1]))
+    assert abs(found.astray[-1] - wanted) < 3 * sd and sd < 0.5 * abs(wanted)
+    assert found.rate_sd == pytest.approx(0.005 / np.sqrt(HZ * 4.8), rel=0.6)
+    assert heading_drift(TIME_NS, np.array(q), read, TIME > 19.5) is None
+
+
+def test_what_headings_drifted_apart_by_widens_angles_on_both_sides_of_the_pose():
+    upright = np.tile(quaternions(Rotation.from_euler("X", 90, degrees=True)), (3, 1))
+    budget = AngleBudget(
+        np.zeros((3, 3)),
+        np.zeros((3, 3)),
+        np.zeros((3, 3)),
+        0.0,
+        0.0,
+        int(1e9),
+        True,
+        drifted=np.radians([20.0, 0.0, 5.0]) ** 2,
+    )
+    times = np.round(1e9 * np.arange(3)).astype(np.int64)
+    stated = angle_sd(times, upright, upright, Euler("ZXY"), budget)
+    np.testing.assert_allclose(np.degrees(stated[:, 2]), [20.0, 0.0, 5.0], atol=1e-6)

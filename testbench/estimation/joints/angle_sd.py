@@ -33,6 +33,8 @@ class AngleBudget:
         posed: Whether an error of the relative heading is none in the standing pose.
         headings: Uncertainty of the heading that a constraint of the joint tells, shape (n,)
             [rad], in place of `relative` and `drift`; None without.
+        drifted: Variance of what they have drifted apart by beside that, shape (n,) [rad^2]; None
+            for none.
     """
 
     proximal: np.ndarray
@@ -43,6 +45,7 @@ class AngleBudget:
     start_ns: int | None
     posed: bool
     headings: np.ndarray | None = None
+    drifted: np.ndarray | None = None
 
 
 def angle_sd(
@@ -74,6 +77,8 @@ def angle_sd(
         few = time_ns[rows], q_proximal[rows], q_distal[rows]
         if budget.headings is not None:
             budget = replace(budget, headings=budget.headings[rows])
+        if budget.drifted is not None:
+            budget = replace(budget, drifted=budget.drifted[rows])
         columns = angle_sd(*few, decomposition, budget).T
         return np.column_stack([np.interp(time_ns, few[0], column) for column in columns])
     q = rotation.multiply(rotation.conjugate(q_proximal), q_distal)
@@ -98,7 +103,8 @@ def _relative_variance(time_ns: np.ndarray, budget: AngleBudget) -> np.ndarray:
         return budget.headings**2
     if budget.start_ns is None:
         return np.zeros(len(time_ns))
-    return np.asarray(budget.drift**2 * np.abs(time_ns - budget.start_ns) / NANOSECONDS)
+    walked = budget.drift**2 * np.abs(time_ns - budget.start_ns) / NANOSECONDS
+    return np.asarray(walked if budget.drifted is None else walked + budget.drifted)
 
 
 def _outer(v: np.ndarray) -> np.ndarray:

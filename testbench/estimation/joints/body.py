@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from testbench.estimation.joints.facing import (
     find_facing,
     relative_headings,
 )
+from testbench.estimation.joints.heading_drift import heading_drift
 from testbench.estimation.joints.limb import Limb, limb_of, limbs_of, own_earth, sensors_of
 from testbench.estimation.joints.placement import (
     HingePair,
@@ -47,11 +48,27 @@ DRIFT = np.radians(2.0) / np.sqrt(60.0)
 """
 ALIGNED_SD = np.radians(0.5)
 """Of the heading between two sensors that were brought to one truth [rad]."""
+VAGUE = np.radians(10.0)
+"""A relative heading that is known no better at some time is remarked on [rad]."""
 DIRECTIONS = {
     sign + name: (1 if not sign else -1) * np.eye(3)[i]
     for sign in ("", "-")
     for i, name in enumerate("xyz")
 }
+
+
+@dataclass(frozen=True)
+class Read:
+    """What a sensor read, at its estimate's instants.
+
+    Attributes:
+        force: Specific force, shape (n, 3) [m/s^2].
+        rate: Calibrated angular rate of the interval before each, shape (n, 3) [rad/s]; NaN where
+            nothing was measured.
+    """
+
+    force: np.ndarray
+    rate: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -61,14 +78,14 @@ class BodyRecording:
     Attributes:
         body: As a person says it.
         sensors: Their estimates, by name.
-        forces: Specific force at the estimates' instants, by sensor, shape (n, 3) [m/s^2].
+        read: What they read, by name.
         true: Sensors whose truth is known.
         begin_ns: Host time of the first sample of all [ns].
     """
 
     body: Body
     sensors: Mapping[str, SensorEstimate]
-    forces: Mapping[str, np.ndarray]
+    read: Mapping[str, Read]
     true: frozenset[str]
     begin_ns: int
 
@@ -91,6 +108,7 @@ class Placing:
         common: Standard uncertainty of the heading that all share [rad].
         relative: Of the heading between the sensors of each joint [rad].
         start_ns: When those were brought together, host time [ns].
+        standing: The pose they were brought together in, where it was one.
         pairs: Joints whose axis was found in both of their sensors.
         posed: Whether an error of them is none in the standing pose, by joint.
         aligned: Whether orientations are used as brought to the truth's frames.
@@ -102,6 +120,7 @@ class Placing:
     common: float = 0.0
     relative: dict[str, float] = field(default_factory=dict)
     start_ns: int | None = None
+    standing: Standing | None = None
     pairs: frozenset[str] = frozenset()
     posed: dict[str, bool] = field(default_factory=dict)
     aligned: bool = False
@@ -161,7 +180,7 @@ def _place(
     if method == "stated" and _aligned_to_truth(recording, names, kind.name):
         return _by_truth(recording, joints)
     own = {name: recording.sensors[name] for name in names}
-    limb = limb_of(own, recording.forces, kind.name)
+    limb = limb_of(own, {name: recording.read[name].force for name in names}, kind.name)
     if limb is None:
         return _refused(joints, kind.name, "its sensors were hardly recorded together", "")
     relative = relative_headings(limb, joints, _shared_sd(kind))
@@ -287,6 +306,7 @@ def _by_standing(
         facing.common_sd,
         relative_sd,
         standing.middle_ns,
+        standing,
         frozenset(pairs),
         {name: name not in pairs for name in joints},
     )
@@ -393,12 +413,60 @@ def _angles(
         q[1] = constrained(found, joint, key, q[0], q[1], placing.start_ns)
     found.placements[key] = {end: placing.placed[end].by for end in _ends(joint)}
     budget = _budget(found, name, joint, kind, placing)
+    if budget.headings is None and _shared_sd(kind) is None:
+        budget = _with_drift(budget, found, joint, recording, kind, placing)
     for definition in joint.definitions():
         angles = joint_angle_series(q[0], q[1], definition)
         found.angles[key, definition.label] = as_kept(angles)
         found.sd[key, definition.label] = as_kept(
             angle_sd(time, q[0], q[1], decomposition_of(definition), budget)
         )
+
+
+def _with_drift(
+    budget: AngleBudget,
+    found: JointEstimate,
+    joint: BodyJoint,
+    recording: BodyRecording,
+    kind: OrientationFilter,
+    placing: Placing,
+) -> AngleBudget:
+    """With what the sensors' rests show of how their headings drift apart; much of it is said.
+
+    A relative heading that the centre of the joint told is the mean over the recording.
+    """
+    if placing.start_ns is None:
+        return budget
+    time = found.host_time_ns
+    since = (time - placing.start_ns) / NANOSECONDS
+    apart, rate, walk = np.zeros(len(time)), 0.0, budget.drift**2
+    for end, sign in zip(_ends(joint), (-1.0, 1.0), strict=True):
+        own = recording.sensors[end]
+        raw = own_earth(own.orientation[kind.name], own.frames.get(kind.name))
+        resting = own.static & ~own.flagged
+        if placing.standing is not None:
+            resting = resting | placing.standing.holds(own.host_time_ns)
+        drift = heading_drift(own.host_time_ns, raw, recording.read[end].rate, resting)
+        if drift is not None:
+            apart += sign * np.interp(time, own.host_time_ns, drift.astray)
+            rate, walk = float(np.hypot(rate, drift.rate_sd)), walk + drift.walk**2
+    apart -= np.interp(placing.start_ns, time, apart)
+    relative = budget.relative
+    if budget.posed:
+        relative = float(np.hypot(relative, np.hypot(apart.mean(), rate * since.mean())))
+    variance = apart**2 + (rate * since) ** 2
+    said = np.sqrt(relative**2 + variance + walk * np.abs(since))
+    if said.max() > VAGUE:
+        at = int(np.argmax(said))
+        found.findings.append(
+            finding(
+                "joint.drifts",
+                filter=kind.name,
+                sd_deg=float(np.degrees(said[at])),
+                at_s=(time[at] - recording.begin_ns) / NANOSECONDS,
+            )
+        )
+    return replace(budget, relative=relative, drift=float(np.sqrt(walk)), drifted=variance)
 
 
 def _budget(

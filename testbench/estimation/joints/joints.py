@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from testbench.estimation.filters import OrientationFilter
-from testbench.estimation.joints.body import BodyRecording, estimate_body
+from testbench.estimation.joints.body import BodyRecording, Read, estimate_body
 from testbench.estimation.joints.constrained import constrained, is_constrained
 from testbench.estimation.signals.recording import RunFacts
 from testbench.model import rotation
@@ -21,7 +19,7 @@ def estimate_joints(
     joints: Mapping[str, JointDefinition],
     run: RunFacts,
     sensors: Mapping[str, SensorEstimate],
-    forces: Mapping[str, np.ndarray],
+    read: Mapping[str, Read],
     filters: Sequence[OrientationFilter],
 ) -> dict[str, JointEstimate]:
     """All joints of a session: those of the arm's segments, and those of a body.
@@ -30,12 +28,12 @@ def estimate_joints(
         joints: As defined, by name.
         run: That the sensors recorded.
         sensors: Their estimates, by name.
-        forces: Specific force at the estimates' instants, by sensor, shape (n, 3) [m/s^2].
+        read: What the sensors read at the estimates' instants, by sensor.
         filters: Those that ran.
     """
     of_body = {name: joint for name, joint in joints.items() if isinstance(joint, BodyJoint)}
     begin = min(int(own.host_time_ns[0]) for own in sensors.values())
-    recording = BodyRecording(run.body, sensors, forces, run.true, begin)
+    recording = BodyRecording(run.body, sensors, read, run.true, begin)
     bodies = estimate_body(of_body, recording, filters)
     return {
         name: bodies[name] if name in bodies else estimate_joint(joint, run, sensors, filters)

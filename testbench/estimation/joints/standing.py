@@ -39,6 +39,14 @@ class Standing:
     def middle_ns(self) -> int:
         return (self.begin_ns + self.end_ns) // 2
 
+    def holds(self, time_ns: np.ndarray) -> np.ndarray:
+        """Which instants lie in it, shape (n,), bool.
+
+        Args:
+            time_ns: Host time, shape (n,) [ns].
+        """
+        return np.asarray((time_ns >= self.begin_ns) & (time_ns <= self.end_ns))
+
 
 def find_standing(limb: Limb, stated_ns: tuple[int, int] | None) -> Standing | None:
     """The standing pose; None where nobody rests, or nothing was recorded when it is said to be.

@@ -107,6 +107,14 @@ TEMPLATES = {
         NOTE,
         "{filter}: which way the body faces: by {by}; headings between its sensors: by {relative}",
     ),
+    "joint.drifts": Template(
+        WARNING,
+        "{filter}: the headings of its sensors drift apart: how they differ is known to "
+        "{sd_deg:.0f} deg (standard deviation) at {at_s:.1f} s",
+        "angles about vertical axes are as uncertain there",
+        "stand still for some seconds at the beginning and the end of each recording, or a filter "
+        "with a magnetometer, or the joint's axes (constraint)",
+    ),
     "joint.hinge_found": Template(
         NOTE,
         "{filter}: its axis was found by the motion in both sensors, to {sd_deg:.1f} deg together",
