@@ -101,7 +101,7 @@ def gait(
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Strides, gait events, step lengths and the path of somebody who walked."""
+    """Strides, gait events, step lengths and the path of somebody who walked. Exit code 1: none."""
     from testbench.pipeline.gait import make_gait
     from testbench.pipeline.request import GaitRequest
     from testbench.records.session.session import Session
@@ -121,10 +121,12 @@ def gait(
     made = make_gait(Session(session), asked)
     if json:
         say_json(_told(made.result) | {"report": str(made.report) if made.report else None})
-        return
-    _say(made.result)
-    if made.report:
-        say(f"report: {made.report}")
+    else:
+        _say(made.result)
+        if made.report:
+            say(f"report: {made.report}")
+    if not any(own.strides for own in made.result.sensors.values()):
+        raise typer.Exit(1)
 
 
 def _told(found: Gait) -> dict[str, Any]:

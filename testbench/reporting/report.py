@@ -104,7 +104,8 @@ def render(
     gait: Gait | None = None,
 ) -> str:
     """The report as HTML."""
-    sections = _sections(session, estimate, evaluation)
+    walked = gait is not None and any(own.method for own in gait.sensors.values())
+    sections = _sections(session, estimate, evaluation, walked)
     if gait is not None:
         sections.insert(2, gait_section(gait))
     protocol, earlier = session.manifest.protocol, earlier_steps(session)
@@ -113,7 +114,7 @@ def render(
             title=protocol.name or session.name,
             purpose=protocol.purpose or "",
             outcome=(evaluation.outcome if evaluation else Outcome.NOT_MEASURED).value,
-            verdict=evaluation.verdict if evaluation else "not evaluated",
+            verdict=evaluation.verdict if evaluation else ("gait" if walked else "not evaluated"),
             simulated=simulated_parts(session),
             modelled_filter=VENDORS_FILTER
             if VENDORS_FILTER in _filters_of(estimate, evaluation)
@@ -150,12 +151,12 @@ def _filters_of(estimate: Estimate | None, evaluation: Evaluation | None) -> set
 
 
 def _sections(
-    session: Session, estimate: Estimate | None, evaluation: Evaluation | None
+    session: Session, estimate: Estimate | None, evaluation: Evaluation | None, walked: bool
 ) -> list[Section]:
     spans = section_spans(session)
     described = _described_sections(session, estimate, evaluation, spans)
     judged = evaluation is None or evaluation.judged
-    sections = [verdict_section(evaluation), *([] if judged else described)]
+    sections = [verdict_section(evaluation, walked), *([] if judged else described)]
     sections.append(run_section(session, evaluation))
     chain = chain_section(estimate, evaluation, spans) if estimate is not None else None
     of_chain = [chain] if chain is not None else []

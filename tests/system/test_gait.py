@@ -19,7 +19,7 @@ from testbench.records.session.session import Session
 from testbench.records.specs.protocol import Analysis, Estimation
 from tests.command_line import command
 from tests.conftest import FakeClock
-from tests.estimation.gait.walker import loop, swinging, walked, with_errors
+from tests.estimation.gait.walker import loop, straight, swinging, walked, with_errors
 
 FEET = """
 description: two feet
@@ -132,6 +132,27 @@ def test_two_feet_are_compared(found) -> None:
     rows = {row.quantity: row for row in found.symmetry}
     assert abs(rows["stride_time_s"].difference_percent) < 1
     assert 1.3 < rows["length_m"].left < 1.45
+
+
+def test_a_leg_that_swings_once_or_twice_is_no_walk(tmp_path, capsys) -> None:
+    true = walked(straight(2, 1.3, rate=100.0, rests=(4.0, 4.0)))
+    gyr, acc = with_errors(true)
+    session = session_of(tmp_path, "foot", 100.0, gyr, acc, None)
+    capsys.readouterr()
+    assert command("gait", session.path, "--json") == 1
+    result = json.loads(capsys.readouterr().out)
+    own = result["sensors"]["foot"]
+    assert own["strides"] == [] and own["method"] == "" and result["closure_mm"] is None
+    said = {entry["code"]: entry["sentence"] for entry in own["findings"]}
+    assert "no walk was found" in said["gait.few_strides"]
+    assert "No walk was found in this session." in (session.path / "report.html").read_text()
+
+
+def test_a_report_of_a_walk_alone_does_not_say_that_there_is_nothing(simulated) -> None:
+    assert command("gait", simulated.path) == 0
+    page = (simulated.path / "report.html").read_text()
+    assert "The walk of this session is reported below" in page
+    assert "nothing to judge yet" not in page and "not evaluated" not in page
 
 
 def test_what_was_typed_judges_and_stands_in_the_report(simulated, capsys) -> None:

@@ -26,6 +26,9 @@ MOST_DOUBTFUL = 0.3
 MOST_SCALE = 0.02
 """Gravity of a standing foot is standard gravity to this part [1]."""
 
+NO_NAME = "none of level, frontal and lateral"
+"""A mounting that has no name."""
+
 
 def notices_on_foot(own: SensorGait, readings: Readings, walked: FootWalk) -> list[Finding]:
     """On a walk by a sensor on the foot.
@@ -76,7 +79,8 @@ def notices_on_regression(own: SensorGait, readings: Readings, mounting: str) ->
     if readings.derived:
         found.append(finding("gait.derived", own.sensor))
     if mounting == FOUND:
-        found.append(finding("gait.mounting", own.sensor, mounting=own.mounting))
+        worn = NO_NAME if own.mounting == FOUND else own.mounting
+        found.append(finding("gait.mounting", own.sensor, mounting=worn))
     if not len(readings.rests):
         found.append(finding("gait.no_rest", own.sensor))
     return found + _low_rate(own.sensor, readings, LEAST_REGRESSION_HZ)

@@ -13,7 +13,14 @@ from testbench.estimation.gait.parameters import PUBLISHED
 from testbench.estimation.gait.placement import place_by_motion, place_by_name, side_by_name
 from testbench.estimation.gait.readings import Readings, fits_in_memory, readings_of
 from testbench.estimation.gait.settings import DEFAULT_PARAMETERS, GaitSettings
-from testbench.estimation.gait.strides import foot_strides, symmetry, walk_strides, with_means
+from testbench.estimation.gait.strides import (
+    LEAST_STRIDES,
+    foot_strides,
+    most_in_a_row,
+    symmetry,
+    walk_strides,
+    with_means,
+)
 from testbench.estimation.gait.walk import Walk, walk
 from testbench.estimation.gait.wearing import FOUND, levelled, mounting_matrix
 from testbench.estimation.signals.recording import SensorRecording
@@ -84,8 +91,14 @@ def _of_sensor(recording: SensorRecording, settings: GaitSettings) -> tuple[Sens
     if not place:
         return replace(own, findings=[finding("gait.place_unknown", name)]), {}
     if place == "foot" and not settings.parameters:
-        return _on_foot(own, readings, walked)
-    return _by_regression(own, readings, settings)
+        walk_found, signals = _on_foot(own, readings, walked)
+    else:
+        walk_found, signals = _by_regression(own, readings, settings)
+    count = most_in_a_row(walk_found.strides)
+    if walk_found.method and 0 < count < LEAST_STRIDES:
+        few = finding("gait.few_strides", name, count=count, least=LEAST_STRIDES)
+        return replace(own, findings=[*own.findings, few]), {}
+    return walk_found, signals
 
 
 def _place(name: str, told: str, readings: Readings, walked: FootWalk | None) -> tuple[str, str]:
@@ -150,16 +163,17 @@ def _by_regression(
     q = kind.run(level)
     times = np.round(readings.time * NANOSECONDS).astype(np.int64)
     found = walk(times, q, PUBLISHED[parameters])
+    strides = walk_strides(readings.time, found)
+    if not strides:
+        return replace(own, findings=[*own.findings, finding("gait.no_walk", own.sensor)]), {}
     own = replace(
         own,
         method="regression",
         parameters=parameters,
         mounting=name or "found",
         filter=kind.name,
-        strides=walk_strides(readings.time, found),
+        strides=strides,
     )
-    if not own.strides:
-        return replace(own, findings=[*own.findings, finding("gait.no_walk", own.sensor)]), {}
     closure = 1e3 * float(np.hypot(*found.end))
     own = replace(own, closure_mm=closure, closure_horizontal_mm=closure)
     own = replace(own, findings=[*own.findings, *notices_on_regression(own, readings, mounting)])

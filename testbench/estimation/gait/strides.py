@@ -20,6 +20,8 @@ LONGEST_STRIDE_S = 2.5
 """Between initial contacts farther apart than this the walker stood [s]."""
 FASTEST = 12.0
 """No foot goes faster on the average of a stride [m/s]."""
+LEAST_STRIDES = 3
+"""A walk has so many in a row: a person who squats, or sets a foot anew, makes one or two."""
 QUANTITIES = (
     "stride_time_s",
     "swing_s",
@@ -156,6 +158,20 @@ def walk_strides(time: np.ndarray, walked: Walk) -> list[Stride]:
         )
         for i in range(len(walked.cycles))
     ]
+
+
+def most_in_a_row(strides: Sequence[Stride]) -> int:
+    """The largest number of strides between which the walker did not stand.
+
+    Args:
+        strides: In order.
+    """
+    most = row = 0
+    end = float("-inf")
+    for stride in strides:
+        row = row + 1 if stride.begin_s - end < LONGEST_STRIDE_S else 1
+        most, end = max(most, row), stride.end_s
+    return most
 
 
 def with_means(own: SensorGait) -> SensorGait:

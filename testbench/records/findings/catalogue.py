@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from string import Formatter
+from typing import Any
+
 from testbench.records.findings.finding import Finding, Value
 from testbench.records.findings.words import (
     alignment,
@@ -43,6 +46,16 @@ SUBJECTS: tuple[dict[str, Template], ...] = (
 TEMPLATES: dict[str, Template] = {code: own for part in SUBJECTS for code, own in part.items()}
 
 
+class _Words(Formatter):
+    """`str.format`, and `{count:one|many}`: the word after a number, by whether that is 1."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        one, parted, many = format_spec.partition("|")
+        if parted:
+            return one if value == 1 else many
+        return str(super().format_field(value, format_spec))
+
+
 def finding(code: str, where: str = "", **values: Value) -> Finding:
     """A finding, its sentence by the template of its code.
 
@@ -59,7 +72,8 @@ def finding(code: str, where: str = "", **values: Value) -> Finding:
         name: ", ".join(value) if isinstance(value, list) else value
         for name, value in values.items()
     }
-    parts = [template.seen.format(**shown), template.means.format(**shown)]
+    words = _Words()
+    parts = [words.format(text, **shown) for text in (template.seen, template.means)]
     sentence = " - ".join(part for part in parts if part)
-    remedy = template.remedy.format(**shown)
+    remedy = words.format(template.remedy, **shown)
     return Finding(code, template.severity, where, sentence, dict(values), remedy)

@@ -57,6 +57,11 @@ DATES = {"run": "Started", "import": "Imported", "recording": "Recorded"}
 """What the date of a session is, by its kind; an import is dated when it was made, for its files
 need not say.
 """
+NOT_EVALUATED = "This session has not been evaluated: there is nothing to judge yet."
+WALK_ALONE = (
+    "The walk of this session is reported below, and judged there by what was typed of it; its "
+    "orientations have not been evaluated."
+)
 SAID_BELOW = {"cycles.none_found"}
 """Findings that stand in place of the figures they are the lack of."""
 NO_ROBOT = {"import": "none: an imported recording", "recording": "none: devices recorded alone"}
@@ -324,13 +329,16 @@ def _sections(session: Session) -> Table:
     )
 
 
-def verdict_section(evaluation: Evaluation | None) -> Section:
-    """Metrics that have limits, then the others."""
+def verdict_section(evaluation: Evaluation | None, walked: bool = False) -> Section:
+    """Metrics that have limits, then the others.
+
+    Args:
+        evaluation: Of the session, or None.
+        walked: Whether a walk was found in it, which is reported without an evaluation.
+    """
     section = Section("verdict", "Verdict")
     if evaluation is None:
-        section.blocks.append(
-            Sentence("This session has not been evaluated: there is nothing to judge yet.")
-        )
+        section.blocks.append(Sentence(WALK_ALONE if walked else NOT_EVALUATED))
         return section
     judged = [metric for metric in evaluation.metrics if metric.outcome is not None]
     others = [metric for metric in evaluation.metrics if metric.outcome is None]

@@ -18,7 +18,12 @@ TEMPLATES = {
         "lengths differ",
         "say where with --on SENSOR=foot, shank, wrist or chest",
     ),
-    "gait.no_walk": Template(WARNING, "no stride was found in it", "it says nothing of the walk"),
+    "gait.no_walk": Template(WARNING, "no walk was found in it: no stride at all"),
+    "gait.few_strides": Template(
+        WARNING,
+        "no walk was found in it: {count} {count:stride|strides} in a row, {least} are wanted",
+        "squats, a step aside and a foot that is set anew swing a leg, too; nothing is counted",
+    ),
     "gait.no_triads": Template(
         WARNING,
         "it lacks angular rates or specific forces",
@@ -50,14 +55,14 @@ TEMPLATES = {
     ),
     "gait.clipped": Template(
         WARNING,
-        "readings of {strides} of {of} strides are at full scale",
+        "readings of {strides} of {of} {of:stride|strides} are at full scale",
         "their lengths are doubtful",
         "record with a larger range (16 g and 2000 deg/s on a foot)",
     ),
     "gait.set_down": Template(
         NOTE,
-        "{times} times the foot was set down flat in a turn and taken up again",
-        "each is counted as a part of one stride",
+        "{times} {times:time|times} the foot was set down flat in a turn and taken up again",
+        "{times:it|each} is counted as a part of one stride",
     ),
     "gait.rate_low": Template(
         WARNING,
@@ -75,15 +80,17 @@ TEMPLATES = {
         "some still moments contradict the way",
         "they were taken for moments of the swing",
     ),
-    "gait.usual": Template(NOTE, "{count} strides are listed and in no mean: {why}"),
+    "gait.usual": Template(
+        NOTE, "{count} {count:stride is|strides are} listed and in no mean: {why}"
+    ),
     "gait.left_out": Template(
         WARNING,
-        "{count} strides are in no mean: {why}",
-        "their lengths and the path across them are doubtful",
+        "{count} {count:stride is|strides are} in no mean: {why}",
+        "{count:its length|their lengths} and the path across {count:it|them} are doubtful",
     ),
     "gait.doubtful": Template(
         WARNING,
-        "{count} of {of} strides are doubtful",
+        "{count} of {of} strides {count:is|are} doubtful",
         "it is hardly a walk by a sensor on a foot",
         "if it sits elsewhere, say where with --on SENSOR=shank, wrist or chest",
     ),
@@ -101,7 +108,7 @@ TEMPLATES = {
     ),
     "gait.mounting": Template(
         NOTE,
-        "how it is worn was found by gravity and the axis that it swings about: {mounting}",
+        "how it is worn was told by gravity and the axis that it swings about: {mounting}",
         "",
         "if it is worn otherwise, say so with --mounting level, frontal or lateral",
     ),
