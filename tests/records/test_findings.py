@@ -7,7 +7,7 @@ from string import Formatter
 
 import pytest
 
-from testbench.records.findings.catalogue import SUBJECTS, TEMPLATES, finding
+from testbench.records.findings.catalogue import SUBJECTS, TEMPLATES, finding, of_filters_together
 from testbench.records.findings.earlier import sentences_to_findings
 from testbench.records.findings.finding import Severity, told_once
 from testbench.records.findings.words import derived, orientations, truth, units
@@ -77,3 +77,18 @@ def test_subjects_and_assumptions_stand_in_the_docs() -> None:
     assumed = [derived, orientations, truth, units]
     codes = [code for part in assumed for code in part.TEMPLATES]
     assert not [code for code in codes if f"`{code}`" not in pages["formats"]]
+
+
+def test_what_holds_for_several_filters_is_said_once() -> None:
+    one, two, other = (
+        finding("joint.not_computed", filter=key, why=why)
+        for key, why in (("vqf_6d", "no rest"), ("fusion", "no rest"), ("ekf", "no motion"))
+    )
+    first, second = of_filters_together([one, other, two])
+    assert first.sentence.startswith("vqf_6d, fusion: ") and second == other
+    assert of_filters_together([one, one]) == [one, one]
+
+
+@pytest.mark.parametrize(("count", "said"), [(1, "1 stride is"), (2, "2 strides are")])
+def test_a_word_goes_with_its_number(count, said) -> None:
+    assert finding("gait.usual", count=count, why="it turns").sentence.startswith(said)

@@ -36,7 +36,7 @@ from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.joint_angle import decomposition_of, joint_angle_series
 from testbench.model.true_segment import stated_axes
-from testbench.records.findings.catalogue import finding
+from testbench.records.findings.catalogue import finding, of_filters_together
 from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import JointEstimate, SensorEstimate, as_kept
 from testbench.records.specs.anatomy import JointKind, kind_of
@@ -158,6 +158,8 @@ def estimate_body(
                 placing = _place(recording, limb_joints, kind, method)
                 for name, joint in limb_joints.items():
                     _angles(found[name], name, joint, recording, kind, placing)
+    for own in found.values():
+        own.findings[:] = of_filters_together(own.findings)
     return found
 
 
@@ -320,11 +322,11 @@ def _by_standing(
 _NO_STANDING = {
     True: (
         "no standing pose was found: there is no rest of all its sensors of 1 s",
-        "standing still at the beginning, or alignment.standing_s: from and to in seconds",
+        "standing still at the beginning, or --standing FROM:TO (alignment.standing_s) in seconds",
     ),
     False: (
         "nothing was recorded while the person is said to stand",
-        "another interval for alignment.standing_s",
+        "another interval for --standing (alignment.standing_s)",
     ),
 }
 

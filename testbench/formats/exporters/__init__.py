@@ -187,7 +187,8 @@ def write_export(
     write = writer or kind.writer()
     if name == "mot" and source.wanted is None and not source.estimate.joints:
         # what the chain filter estimated, or else what an arm measured, is no orientation filter's
-        source = replace(source, wanted=next(iter(source.chains), TRUTH))
+        measured = TRUTH if source.arm is not None else None
+        source = replace(source, wanted=next(iter(source.chains), measured))
     try:
         with written_whole(path, kind.is_folder) as partial:
             notes = write(source, partial)

@@ -26,7 +26,9 @@ def write(source: ExportSource, path: Path) -> list[str]:
     Raises:
         InputError: The session has neither joints nor an arm, or none of them by that filter.
     """
-    series = _series(source)
+    joints = source.session.analysis.joints
+    known = bool(joints or source.chains) or source.arm is not None
+    series = _series(source) if known else {}
     if not series:
         raise InputError(_nothing(source))
     times = {name: time for name, (time, _) in series.items()}

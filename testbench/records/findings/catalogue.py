@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from string import Formatter
 from typing import Any
 
@@ -77,3 +78,25 @@ def finding(code: str, where: str = "", **values: Value) -> Finding:
     sentence = " - ".join(part for part in parts if part)
     remedy = words.format(template.remedy, **shown)
     return Finding(code, template.severity, where, sentence, dict(values), remedy)
+
+
+def of_filters_together(findings: Iterable[Finding]) -> list[Finding]:
+    """The same, what holds alike for several filters said once, in the order of the first.
+
+    Args:
+        findings: Those whose value `filter` is a filter's name are put together.
+    """
+    alike: dict[str, list[Finding]] = {}
+    for own in findings:
+        others = {key: value for key, value in own.values.items() if key != "filter"}
+        alike.setdefault(repr((own.code, own.where, others)), []).append(own)
+    together = []
+    for group in alike.values():
+        names = list(dict.fromkeys(str(own.values.get("filter", "")) for own in group))
+        first = group[0]
+        if len(names) > 1:
+            values = {**first.values, "filter": ", ".join(names)}
+            together.append(finding(first.code, first.where, **values))
+        else:
+            together += group
+    return together

@@ -187,8 +187,10 @@ def test_angles_do_not_jump_at_half_a_turn(source, tmp_path):
 
 
 def test_a_session_without_joints_and_arm_has_no_motion_file(imported_source, tmp_path):
-    with pytest.raises(InputError, match="no joint angles"):
-        write_export("mot", imported_source, tmp_path / "out.mot")
+    for wanted in (None, "truth", "vqf_6d"):
+        own = ExportSource(imported_source.session, imported_source.estimate, wanted)
+        with pytest.raises(InputError, match=r"no joint angles.*--joint NAME=PROXIMAL:DISTAL"):
+            write_export("mot", own, tmp_path / "out.mot")
     assert list(tmp_path.iterdir()) == []
 
 

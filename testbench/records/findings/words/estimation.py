@@ -96,7 +96,8 @@ TEMPLATES = {
         NOTE,
         "the rest from {begin_s:.2f} to {end_s:.2f} s is taken for standing upright",
         "its angles are zero there, to {sd_deg:g} deg about each axis of each segment",
-        "alignment: {{standing_s: [from, to]}} if that is another time",
+        "--standing FROM:TO at the import, or alignment: {{standing_s: [from, to]}} in its "
+        "mapping, if that is another time",
     ),
     "joint.standing_stated": Template(
         NOTE,
