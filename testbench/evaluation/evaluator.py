@@ -66,6 +66,8 @@ ENDED = {
     RunStatus.ABORTED: "the run was aborted",
 }
 """How a run ended that is not complete."""
+LEFT_OUT = {"after a gap": "judged.after_gap"}
+"""Codes of findings on samples that were left out, by the reason, where one says more."""
 NORM_MEANING = "error of the mean specific force at rest against standard gravity"
 
 
@@ -244,7 +246,7 @@ def _sensor_tables(
     ]
     told = {own.values.get("reason") for own in sensor.findings if own.code.startswith("samples.")}
     found += [
-        finding("judged.samples_left_out", name, count=count, reason=reason)
+        finding(LEFT_OUT.get(reason, "judged.samples_left_out"), name, count=count, reason=reason)
         for reason, count in sensor.quality.items()
         if count and reason.removeprefix("excluded: ") not in told
     ]

@@ -20,6 +20,14 @@ TEMPLATES = {
     ),
     "judged.filter_left_out": Template(NOTE, "{filter} was left out: {why}"),
     "judged.samples_left_out": Template(WARNING, "{count} samples left out: {reason}"),
+    "judged.after_gap": Template(
+        WARNING,
+        "{count} {count:sample|samples} left out: after a gap",
+        "nobody knows how it turned in there: after 0.25 s without readings a filter needs a "
+        "second to settle, and after 1 s without rates nothing that follows is evaluated",
+        "to have what follows a long gap, cut the file there and import the rest as a recording of "
+        "its own",
+    ),
     "judged.no_truth": Template(NOTE, "no truth, so its orientation is not judged"),
     "judged.nothing": Template(NOTE, "nothing was judged: {cause}"),
     "comparison.no_truth": Template(
