@@ -435,12 +435,13 @@ def _with_drift(
 ) -> AngleBudget:
     """With what the sensors' rests show of how their headings drift apart; much of it is said.
 
-    A relative heading that the centre of the joint told is the mean over the recording.
+    A relative heading that the centre of the joint told is the mean over the recording: without a
+    pose it counts from the middle.
     """
-    if placing.start_ns is None:
-        return budget
     time = found.host_time_ns
-    since = (time - placing.start_ns) / NANOSECONDS
+    posed = placing.start_ns is not None
+    start = placing.start_ns if placing.start_ns is not None else int(time[0] + time[-1]) // 2
+    since = (time - start) / NANOSECONDS
     apart, rate, walk = np.zeros(len(time)), 0.0, budget.drift**2
     for end, sign in zip(_ends(joint), (-1.0, 1.0), strict=True):
         own = recording.sensors[end]
@@ -452,7 +453,7 @@ def _with_drift(
         if drift is not None:
             apart += sign * np.interp(time, own.host_time_ns, drift.astray)
             rate, walk = float(np.hypot(rate, drift.rate_sd)), walk + drift.walk**2
-    apart -= np.interp(placing.start_ns, time, apart)
+    apart -= np.interp(start, time, apart) if posed else apart.mean()
     relative = budget.relative
     if budget.posed:
         relative = float(np.hypot(relative, np.hypot(apart.mean(), rate * since.mean())))
@@ -468,7 +469,8 @@ def _with_drift(
                 at_s=(time[at] - recording.begin_ns) / NANOSECONDS,
             )
         )
-    return replace(budget, relative=relative, drift=float(np.sqrt(walk)), drifted=variance)
+    drift_sd = float(np.sqrt(walk))
+    return replace(budget, relative=relative, drift=drift_sd, start_ns=start, drifted=variance)
 
 
 def _budget(
