@@ -48,8 +48,6 @@ CALM, FEWEST_CALM = 0.4, 4
 """Windows whose vectors scatter by less than this part of the mean, and how many are needed."""
 LEAST_TURN = 1.0
 """A window turns if its gyroscope goes through so much [rad]."""
-SCALE_WITHIN = 1.4
-"""A scale counts as that of a unit or a range if the best one is so near."""
 EXACT = 0.99
 """A scale is what it seems if turning explains this part of the scatter, whatever swings."""
 BLUR = 0.35

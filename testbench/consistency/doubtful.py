@@ -41,7 +41,6 @@ EXCLUDED = "excluded: "
 
 BIT = {"gyr": 1, "acc": 2, "mag": 4, "device_q": 8}
 """Marks of the quantities that are unknown in a row."""
-ALL = sum(BIT.values())
 CLIPPED_RATE, OLD_FIELD = 16, 32
 """Marks of a rate at full scale, which is no measurement but a bound, and nearer to the truth than
 what a straight line over it gives; and of a field that only repeats an earlier reading.

@@ -47,7 +47,6 @@ def signed_permutations() -> np.ndarray:
 
 
 MAPS = signed_permutations()
-PROPER = np.linalg.det(MAPS) > 0
 IDENTITY = 0
 
 

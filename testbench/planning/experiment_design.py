@@ -43,7 +43,7 @@ collaborative arm.
 """
 MOST_ORDERS = 60
 
-RESPONSE_SIZE, CROSS_SIZE, BIAS_SIZE = 0.03, 0.03, 0.4
+RESPONSE_SIZE, BIAS_SIZE = 0.03, 0.4
 """What data sheets of consumer sensors say beforehand: 3 % of response, 40 mg of bias [m/s^2]."""
 GYRO_BIAS_SIZE, G_SIZE = np.radians(1.0), np.radians(0.1) / 9.80665
 """1 deg/s of bias [rad/s], 0.1 deg/s/g of g-sensitivity [rad/s/(m/s^2)]."""

@@ -48,6 +48,13 @@ def tarred() -> bytes:
     return memory.getvalue()
 
 
+def of_a_later_version() -> bytes:
+    """A zip file whose list of contents asks for version 9.9 of the format."""
+    whole = bytearray(zipped("a.csv"))
+    whole[whole.index(b"PK\x01\x02") + 6] = 99
+    return bytes(whole)
+
+
 KINDS = {
     "mcap": (b"\x89MCAP0\r\n" + bytes(40), "an MCAP file", "testbench import rosbag"),
     "ros 1 bag": (b"#ROSBAG V2.0\n" + bytes(40), "a ROS 1 bag", "testbench import rosbag"),
@@ -55,6 +62,7 @@ KINDS = {
     "ods": (zipped("mimetype", "content.xml"), "a spreadsheet", "as CSV"),
     "docx": (zipped("word/document.xml"), "a word processor's file", "as plain text"),
     "zip": (zipped("Accelerometer.csv", "b.csv"), r"a zip archive \(Accelerometer", "unpack it"),
+    "later zip": (of_a_later_version(), "a zip archive .* of a kind that is not opened here", ""),
     "half a zip": (zipped("a.csv")[:30], "a zip archive or spreadsheet, and damaged", ""),
     "npz": (
         saved_by(lambda file: np.savez(file, acc=np.ones(3))),

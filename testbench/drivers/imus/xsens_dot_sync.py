@@ -26,7 +26,7 @@ from testbench.drivers.imus.xsens_dot_messages import (
 )
 from testbench.exceptions import DriverError
 
-SYNCED, UNSYNCED = 0x04, 0x09
+SYNCED = 0x04
 """States in a status message [5.3.4.2]."""
 RESULTS = {
     0x00: "synchronised",

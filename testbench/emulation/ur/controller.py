@@ -13,7 +13,7 @@ from testbench.emulation.ur.state import SAFETY_BITS, Registers, RobotMode, Runt
 
 AMPERE_NOISE = 0.02
 """Measured currents hiss by this much: a stand-in."""
-ZERO3, ZERO6 = [0.0] * 3, [0.0] * 6
+ZERO6 = [0.0] * 6
 
 
 @dataclass(frozen=True)

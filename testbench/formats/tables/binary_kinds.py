@@ -118,8 +118,10 @@ def _archive(file: Path) -> BinaryKind:
     try:
         with zipfile.ZipFile(file) as archive:
             names = archive.namelist()
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+    except (zipfile.BadZipFile, OSError, ValueError):
         return BinaryKind("a zip archive or spreadsheet, and damaged")
+    except NotImplementedError:  # of zipfile: the archive asks for a later version of the format
+        return BinaryKind("a zip archive or spreadsheet of a kind that is not opened here")
     if any(name.startswith("xl/") for name in names):
         return _XLSX
     if any(name.startswith("word/") for name in names):
