@@ -35,6 +35,10 @@ LEAST_EXPLAINED = 0.3
 """Part of the scatter beyond `FLOOR` that a turn must explain to be believed: where accelerations
 last as long as the windows do, as of a pendulum, some reading always fits a little better.
 """
+WELL_EXPLAINED = 0.8
+"""Whose part is so large fits as it is: one that turned k times what it reads would be explained by
+1 - (1 - 1/k)^2 of small turns, 0.75 if k is 2 and less beyond, or if it is below 0.69.
+"""
 LEAST_SCALE_RATIO = 0.4
 """Another scale fits better if it leaves by so much less (mean logarithm of the squares)."""
 ONE_AXIS = 0.01
@@ -437,10 +441,11 @@ def _is_right_scale(pair: Pair, bias: np.ndarray, unknown: bool) -> bool:
     some = pair.few
     if unknown:
         bias = some.fitted_bias(1.0, MAPS[IDENTITY], bias)
-    own = some.scatter(1.0, bias, MAPS[:1]).logs[0]
+    nothing, own = (some.scatter(scale, bias, MAPS[:1]).logs[0] for scale in (0.0, 1.0))
+    others = () if _explained(nothing, own) >= WELL_EXPLAINED else _other_factors(some, bias)
     return not any(
         is_clear(own, some.scatter(scale, bias, MAPS[:1]).logs[0], some.windows.independent)
-        for scale in (*SCALES, *_other_factors(some, bias))
+        for scale in (*SCALES, *others)
     )
 
 

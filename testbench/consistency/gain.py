@@ -23,6 +23,8 @@ of the MPU-6050 (RM-MPU-6000A), and as much again for axes that are not at right
 LEAST_ERRORS = 4.0
 """A gain is another one if it differs by so many of its standard errors."""
 ROUNDS = 3
+STILL = 0.1
+"""A gain has settled when a round changes it by less than so many of its standard errors."""
 PRIOR_BIAS = np.radians(10.0)
 """What the bias may be, about what it is at rest [rad/s]."""
 
@@ -86,4 +88,6 @@ def _refined(pair: Pair, gain: float, bias: np.ndarray) -> tuple[float, np.ndarr
         gain *= float(np.exp(np.clip(change[0], -0.2, 0.2)))
         bias = bias + change[1:]
         error = float(np.sqrt(np.linalg.inv(left)[0, 0]))
+        if abs(change[0]) < STILL * error:
+            break
     return gain, bias, error

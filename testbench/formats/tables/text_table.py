@@ -18,6 +18,7 @@ import pyarrow.compute as pc
 from pyarrow import csv as arrow_csv
 
 from testbench.exceptions import FileProblems, Problem, one_line
+from testbench.formats.tables.ahead import worked_ahead
 from testbench.formats.tables.broken_lines import Broken, ends_a_line, find_broken, without
 from testbench.formats.tables.bytes_stream import (
     LineStream,
@@ -31,6 +32,7 @@ from testbench.records.disk.tables import from_arrow
 HEAD_LINES = 200
 """A header and what stands before it are looked for among so many lines."""
 BLOCK_BYTES = 2 << 20
+Layout = tuple[arrow_csv.ReadOptions, arrow_csv.ParseOptions, arrow_csv.ConvertOptions]
 _CLOCK = (
     r"(?:(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})[T_ ]+)?"
     r"(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2}(?:[.,]\d+)?))?\s*"
@@ -163,7 +165,7 @@ class TextTable:
         at = {name: f"c{self.names.index(name)}" for name in kinds}
         types = {"float": pa.float64(), "integer": pa.int64(), "clock": pa.string()}
         done = 0
-        layout = (
+        layout: Layout = (
             arrow_csv.ReadOptions(
                 column_names=[f"c{i}" for i in range(self._width)],
                 block_size=2 * BLOCK_BYTES,
@@ -180,16 +182,19 @@ class TextTable:
         )
         try:
             with self._stream() as stream:
-                for block in stream.blocks(BLOCK_BYTES):
-                    # by hand and not by open_csv: its thread that reads ahead calls Python, and
-                    # where the reading breaks off aborts the interpreter at its end
+                # by hand and not by open_csv: its thread that reads ahead calls Python, and where
+                # the reading breaks off aborts the interpreter at its end
+                blocks = worked_ahead(
+                    lambda block: _parsed(block, layout), stream.blocks(BLOCK_BYTES)
+                )
+                for block, table_of in blocks:
                     try:
-                        table = arrow_csv.read_csv(pa.BufferReader(block), *layout)
+                        table = table_of()
                     except pa.ArrowInvalid:
                         rest = self._without_broken(block)
                         if not rest.strip():
                             continue
-                        table = arrow_csv.read_csv(pa.BufferReader(rest), *layout)
+                        table = _parsed(rest, layout)
                     batch = table.combine_chunks().to_batches()[0]
                     columns = {
                         name: self._array(batch.column(at[name]), kind, done, name)
@@ -303,6 +308,11 @@ class TextTable:
             return None
         message = f"the time '{text}' in the column {column} was rounded{_rewritten(text)}"
         return FileProblems(self.file, [Problem(message, line=row)])
+
+
+def _parsed(block: bytes, layout: Layout) -> pa.Table:
+    """The columns of whole lines; raises pyarrow's error where one is not as laid out."""
+    return arrow_csv.read_csv(pa.BufferReader(block), *layout)
 
 
 def _rewritten(text: str) -> str:

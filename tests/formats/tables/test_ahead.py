@@ -1,0 +1,76 @@
+"""What is worked on ahead comes in order, costs nothing when it is not wanted, and fails in order."""
+
+import threading
+
+import pytest
+
+from testbench.formats.tables.ahead import AHEAD, worked_ahead
+
+
+def test_the_results_come_in_the_order_of_the_items():
+    doubled = [(item, result()) for item, result in worked_ahead(lambda n: 2 * n, range(20))]
+    assert doubled == [(n, 2 * n) for n in range(20)]
+
+
+def test_who_wants_the_first_only_has_one_item_taken_and_no_thread_started():
+    taken = []
+
+    def items():
+        for n in range(9):
+            taken.append(n)
+            yield n
+
+    threads = threading.active_count()
+    each = worked_ahead(lambda n: n, items())
+    item, result = next(each)
+    assert (item, result(), taken) == (0, 0, [0])
+    assert threading.active_count() == threads
+    each.close()
+
+
+def test_it_runs_ahead_by_as_much_as_it_says_and_other_threads_do_the_work():
+    taken, workers = [], set()
+
+    def items():
+        for n in range(9):
+            taken.append(n)
+            yield n
+
+    def work(n):
+        workers.add(threading.get_ident())
+        return n
+
+    each = worked_ahead(work, items())
+    next(each)
+    item, result = next(each)
+    assert item == result() == 1 and taken == list(range(AHEAD + 2))
+    assert threading.get_ident() not in workers
+    each.close()
+
+
+@pytest.mark.parametrize("bad", range(5))
+def test_work_that_fails_raises_where_its_result_is_asked_for(bad):
+    def work(n):
+        if n == bad:
+            raise ValueError(n)
+        return n
+
+    seen = []
+    with pytest.raises(ValueError, match=str(bad)):
+        for item, result in worked_ahead(work, range(5)):
+            seen.append(result())
+            assert item == seen[-1]
+    assert seen == list(range(bad))
+
+
+@pytest.mark.parametrize("count", range(6))
+def test_items_that_cannot_be_taken_fail_after_those_before_them(count):
+    def items():
+        yield from range(count)
+        raise OSError("the disk is gone")
+
+    seen = []
+    with pytest.raises(OSError, match="gone"):
+        for item, result in worked_ahead(lambda n: n, items()):
+            seen.append((item, result()))
+    assert seen == [(n, n) for n in range(count)]
