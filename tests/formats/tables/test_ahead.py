@@ -1,4 +1,4 @@
-"""What is worked on ahead comes in order, costs nothing when it is not wanted, and fails in order."""
+"""What is worked on ahead comes in order, costs nothing unless wanted, and fails in order."""
 
 import threading
 
@@ -57,9 +57,7 @@ def test_work_that_fails_raises_where_its_result_is_asked_for(bad):
 
     seen = []
     with pytest.raises(ValueError, match=str(bad)):
-        for item, result in worked_ahead(work, range(5)):
-            seen.append(result())
-            assert item == seen[-1]
+        seen.extend(result() for _, result in worked_ahead(work, range(5)))
     assert seen == list(range(bad))
 
 
@@ -71,6 +69,5 @@ def test_items_that_cannot_be_taken_fail_after_those_before_them(count):
 
     seen = []
     with pytest.raises(OSError, match="gone"):
-        for item, result in worked_ahead(lambda n: n, items()):
-            seen.append((item, result()))
-    assert seen == [(n, n) for n in range(count)]
+        seen.extend(result() for _, result in worked_ahead(lambda n: n, items()))
+    assert seen == list(range(count))
