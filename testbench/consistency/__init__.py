@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 
-from testbench.consistency.checks import CONTRADICTIONS, UNKNOWN_UP, Up, check_excerpt
+from testbench.consistency.checks import CONTRADICTIONS, check_excerpt
 from testbench.consistency.excerpt import Thinner, thin
+from testbench.consistency.looked import UNKNOWN_UP, Up
 from testbench.exceptions import InputError
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.findings.finding import Finding

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.consistency.checks import Looked, check_time
+from testbench.consistency.checks import check_time
 from testbench.consistency.excerpt import Excerpt, thin
 from testbench.consistency.fits import FEW_WINDOWS, Pair, is_clear
+from testbench.consistency.looked import Looked
 from testbench.consistency.rests import find_rests
 from testbench.consistency.turning import MAPS
 from testbench.frames import NANOSECONDS

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from testbench.consistency.checks import Up
+from testbench.consistency.looked import Up
 from testbench.estimation.alignment.apart import PieceAlignment, aligned_apart, long_enough
 from testbench.estimation.alignment.axes import findings_on as axes_findings
 from testbench.estimation.alignment.axes import identify_axes

@@ -12,8 +12,8 @@ import pyarrow as pa
 
 from testbench.clock import Clock, utc_text
 from testbench.consistency import Consistency, refuse_contradictions
-from testbench.consistency.checks import Up
 from testbench.consistency.doubtful import Belief
+from testbench.consistency.looked import Up
 from testbench.consistency.refused import Refusals
 from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.formats.dates import Recorded

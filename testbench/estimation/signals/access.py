@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.consistency import Consistency
-from testbench.consistency.checks import Up
 from testbench.consistency.doubtful import BIT, CLIPPED_RATE, Belief, Gates, without
+from testbench.consistency.looked import Up
 from testbench.consistency.traits import Traits, finite_rows
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
