@@ -11,7 +11,7 @@ import pytest
 
 from testbench.estimation.alignment.axes import findings_on, identify_axes
 from testbench.estimation.alignment.true_motion import TrueMotion, true_motion
-from testbench.estimation.signals import truth_faults
+from testbench.estimation.signals import truth_faults, truth_steps
 from testbench.model import rotation
 from testbench.records.session.manifest import SensorRecord
 from testbench.records.session.samples import ImuSamples, Truth
@@ -60,8 +60,8 @@ def test_a_large_bias_is_no_fault_of_the_truth(known):
 
 def test_a_truth_that_steps_all_the_time_is_compared_in_linear_time(known, monkeypatch):
     asked = []
-    misfit = truth_faults._misfit
-    monkeypatch.setattr(truth_faults, "_misfit", lambda *some: asked.append(1) or misfit(*some))
+    misfit = truth_steps._misfit
+    monkeypatch.setattr(truth_steps, "_misfit", lambda *some: asked.append(1) or misfit(*some))
     truth = truth_of(known.samples)
     steps = np.arange(len(known.samples)) // 12
     turns = np.radians(40.0) * np.stack([np.sin(2.4 * steps), steps % 3, np.cos(steps)], axis=1)
@@ -69,7 +69,7 @@ def test_a_truth_that_steps_all_the_time_is_compared_in_linear_time(known, monke
     truth_faults.find_faults(
         known.samples, known.samples.host_time_ns, replace(truth, q_world_from_sensor=q)
     )
-    assert 0 < len(asked) <= (truth_faults.MOST_CLASSES + 1) * (steps[-1] + 1)
+    assert 0 < len(asked) <= (truth_steps.MOST_CLASSES + 1) * (steps[-1] + 1)
 
 
 def test_axes_at_rest_are_not_told_against_a_world_that_leans(known):
