@@ -8,6 +8,7 @@ import os
 import shutil
 from collections.abc import Callable
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
+import typer.main
+import typer.testing
 import yaml
 from hypothesis import settings
 
@@ -29,6 +32,11 @@ from tests.skips import complaint
 # The same examples every time, however busy the machine is.
 settings.register_profile("repeatable", deadline=None, derandomize=True, database=None)
 settings.load_profile("repeatable")
+
+
+# A command line that is called in this process is built from its functions once, as in a process of
+# its own, and not anew at each of the hundreds of calls.
+typer.main.get_command = typer.testing._get_command = cache(typer.main.get_command)
 
 
 @pytest.hookimpl(wrapper=True)

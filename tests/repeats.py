@@ -6,14 +6,12 @@
 from __future__ import annotations
 
 import ast
-import io
-import tokenize
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.house import ROOT
+from tests.house import ROOT, comments
 
 LONGEST = 8
 """So many equal lines are one too many."""
@@ -49,20 +47,26 @@ def code_lines(source: str) -> list[tuple[int, str]]:
     docstrings.
     """
     left_out: set[int] = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in statements(ast.parse(source)):
         text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
         if isinstance(node, ast.Import | ast.ImportFrom) or (text and _is_text(node)):
             left_out.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
-    comments = {
-        token.start
-        for token in tokenize.generate_tokens(io.StringIO(source).readline)
-        if token.type == tokenize.COMMENT
-    }
     lines = source.splitlines()
-    for row, column in comments:
+    for row, column, _ in comments(source):
         lines[row - 1] = lines[row - 1][:column]
     folded = ((number, "".join(line.split())) for number, line in enumerate(lines, 1))
     return [(number, line) for number, line in folded if line and number not in left_out]
+
+
+def statements(tree: ast.Module) -> Iterator[ast.stmt]:
+    """Every statement, at any depth; what expressions hold is passed by."""
+    todo: list[ast.AST] = [tree]
+    while todo:
+        for child in ast.iter_child_nodes(todo.pop()):
+            if isinstance(child, ast.stmt):
+                yield child
+            if not isinstance(child, ast.expr):
+                todo.append(child)
 
 
 def _is_text(node: ast.AST) -> bool:

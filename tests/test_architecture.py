@@ -5,17 +5,17 @@ the makers of arms.
 from __future__ import annotations
 
 import ast
-import io
 import re
 import subprocess
 import sys
-import tokenize
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
+from tests.house import ROOT, comments, nodes, parsed
+
 PACKAGE = ROOT / "testbench"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
@@ -87,10 +87,27 @@ def place(module: Path, node: ast.AST) -> str:
     return f"{module.relative_to(ROOT)}:{getattr(node, 'lineno', 1)}"
 
 
+@pytest.fixture(scope="module")
+def trees() -> Iterator[dict[Path, ast.Module]]:
+    """Every module, parsed once for all tests of this file."""
+    yield parsed(MODULES)
+    nodes.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def inner_uses(trees) -> dict[Path, list[tuple[ast.expr, str]]]:
+    """The uses of imported names in the modules below the pipeline."""
+    return {
+        module: list(dotted_uses(tree))
+        for module, tree in trees.items()
+        if part_of(module) not in OUTERMOST
+    }
+
+
 def imported_names(tree: ast.AST) -> dict[str, str]:
     """From each name that an import binds anywhere in the module to what it stands for."""
     names = {}
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Import):
             for alias in node.names:
                 top = alias.name.split(".")[0]
@@ -106,13 +123,15 @@ def dotted_uses(tree: ast.AST) -> Iterator[tuple[ast.expr, str]]:
     `numpy.random.seed`.
     """
     names = imported_names(tree)
-    for node in ast.walk(tree):
+    for node in nodes(tree):
+        if not isinstance(node, ast.Attribute | ast.Name):
+            continue
         parts: list[str] = []
-        inner = node
+        inner: ast.expr = node
         while isinstance(inner, ast.Attribute):
             parts.append(inner.attr)
             inner = inner.value
-        if isinstance(inner, ast.Name) and inner.id in names and isinstance(node, ast.expr):
+        if isinstance(inner, ast.Name) and inner.id in names:
             yield node, ".".join([names[inner.id], *reversed(parts)])
 
 
@@ -126,11 +145,9 @@ def uses_hidden_random_state(path: str) -> bool:
     return path.startswith("random.")
 
 
-def unseeded_generators(tree: ast.AST) -> Iterator[ast.Call]:
-    generators = {
-        id(node) for node, path in dotted_uses(tree) if path == "numpy.random.default_rng"
-    }
-    for node in ast.walk(tree):
+def unseeded_generators(tree: ast.AST, uses: list[tuple[ast.expr, str]]) -> Iterator[ast.Call]:
+    generators = {id(node) for node, path in uses if path == "numpy.random.default_rng"}
+    for node in nodes(tree):
         if (
             isinstance(node, ast.Call)
             and id(node.func) in generators
@@ -140,32 +157,41 @@ def unseeded_generators(tree: ast.AST) -> Iterator[ast.Call]:
             yield node
 
 
-def named_makers(source: str) -> Iterator[tuple[int, str]]:
+def named_makers(source: str, tree: ast.AST) -> Iterator[tuple[int, str]]:
     """Makers of arms in identifiers, strings and comments, with their lines."""
-    tree = ast.parse(source)
     words: list[tuple[int, str]] = []
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         line = getattr(node, "lineno", 1)
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             words.append((line, node.value))
         for field in ("id", "attr", "name", "arg", "asname", "module"):
             value = getattr(node, field, None)
             if isinstance(value, str):
-                words.append((line, re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", value)))
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT:
-            words.append((token.start[0], token.string))
+                words.append((line, in_words(value)))
+    words += [(row, text) for row, _, text in comments(source)]
     for line, text in words:
-        for word in MAKERS.findall(text.replace("_", " ")):
-            yield line, word.lower()
+        for word in makers_in(text):
+            yield line, word
 
 
-def test_only_drivers_and_emulators_know_the_makers_of_arms() -> None:
+@cache
+def in_words(name: str) -> str:
+    """`xArm_Settings` of `xArmSettings`."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
+
+
+@cache
+def makers_in(text: str) -> list[str]:
+    """Makers in one word or string; the same few names are asked for over and over."""
+    return [word.lower() for word in MAKERS.findall(text.replace("_", " "))]
+
+
+def test_only_drivers_and_emulators_know_the_makers_of_arms(trees) -> None:
     found, used = [], set()
-    for module in MODULES:
+    for module, tree in trees.items():
         name = str(module.relative_to(PACKAGE))
         if part_of(module) not in DRIVING:
-            for line, word in named_makers(module.read_text(encoding="utf-8")):
+            for line, word in named_makers(module.read_text(encoding="utf-8"), tree):
                 used.add((name, word))
                 if word not in NAMED.get(name, {}):
                     found.append(f"{name}:{line} {word}")
@@ -192,7 +218,9 @@ def test_only_drivers_and_emulators_know_the_makers_of_arms() -> None:
     ],
 )
 def test_the_search_for_makers_finds_them(source: str, word: str | None) -> None:
-    assert {found for _, found in named_makers(source)} == ({word} if word else set())
+    assert {found for _, found in named_makers(source, ast.parse(source))} == (
+        {word} if word else set()
+    )
 
 
 def test_imports_point_in_the_agreed_direction() -> None:
@@ -208,10 +236,10 @@ def test_imports_point_in_the_agreed_direction() -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_nothing_public_is_named_like_a_test() -> None:
+def test_nothing_public_is_named_like_a_test(trees) -> None:
     found = []
-    for module in MODULES:
-        for node in ast.parse(module.read_text(encoding="utf-8")).body:
+    for module, tree in trees.items():
+        for node in tree.body:
             names = []
             if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
                 names = [node.name]
@@ -223,12 +251,12 @@ def test_nothing_public_is_named_like_a_test() -> None:
     assert found == []
 
 
-def test_only_the_command_line_prints() -> None:
+def test_only_the_command_line_prints(trees) -> None:
     found = []
-    for module in MODULES:
+    for module, tree in trees.items():
         if part_of(module) == "cli":
             continue
-        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
+        for node in nodes(tree):
             if (
                 isinstance(node, ast.Call)
                 and isinstance(node.func, ast.Name)
@@ -238,31 +266,26 @@ def test_only_the_command_line_prints() -> None:
     assert found == []
 
 
-def test_nothing_below_the_pipeline_reads_the_wall_clock() -> None:
-    found = []
-    for module in MODULES:
-        if part_of(module) not in OUTERMOST:
-            uses = dotted_uses(ast.parse(module.read_text(encoding="utf-8")))
-            found += [
-                f"{place(module, node)} {path}" for node, path in uses if reads_wall_clock(path)
-            ]
+def test_nothing_below_the_pipeline_reads_the_wall_clock(inner_uses) -> None:
+    found = [
+        f"{place(module, node)} {path}"
+        for module, uses in inner_uses.items()
+        for node, path in uses
+        if reads_wall_clock(path)
+    ]
     assert found == []
 
 
-def test_nothing_below_the_pipeline_draws_from_hidden_random_state() -> None:
+def test_nothing_below_the_pipeline_draws_from_hidden_random_state(trees, inner_uses) -> None:
     found = []
-    for module in MODULES:
-        if part_of(module) not in OUTERMOST:
-            tree = ast.parse(module.read_text(encoding="utf-8"))
-            found += [
-                f"{place(module, node)} {path}"
-                for node, path in dotted_uses(tree)
-                if uses_hidden_random_state(path)
-            ]
-            found += [
-                f"{place(module, call)} default_rng() without a seed"
-                for call in unseeded_generators(tree)
-            ]
+    for module, uses in inner_uses.items():
+        found += [
+            f"{place(module, node)} {path}" for node, path in uses if uses_hidden_random_state(path)
+        ]
+        found += [
+            f"{place(module, call)} default_rng() without a seed"
+            for call in unseeded_generators(trees[module], uses)
+        ]
     assert found == []
 
 
@@ -289,10 +312,12 @@ def test_the_search_for_clocks_and_random_state_finds_them(
     source: str, clock: int, random: int
 ) -> None:
     tree = ast.parse(source)
-    paths = [path for _, path in dotted_uses(tree)]
+    uses = list(dotted_uses(tree))
+    paths = [path for _, path in uses]
     assert sum(map(reads_wall_clock, paths)) == clock
     assert (
-        sum(map(uses_hidden_random_state, paths)) + len(list(unseeded_generators(tree))) == random
+        sum(map(uses_hidden_random_state, paths)) + len(list(unseeded_generators(tree, uses)))
+        == random
     )
 
 
@@ -309,10 +334,12 @@ moves on, such as `FakeClock` or `tests.lock_step`.
 
 def test_no_test_sleeps_on_the_machines_time_but_for_what_knows_no_other() -> None:
     tests = ROOT / "tests"
+    texts = {path: path.read_text(encoding="utf-8") for path in tests.rglob("*.py")}
     sleeping = {
         str(path.relative_to(tests))
-        for path in tests.rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for path, text in texts.items()
+        if "sleep" in text
+        for node in nodes(ast.parse(text))
         if isinstance(node, ast.Call) and ast.unparse(node.func) in {"time.sleep", "sleep"}
     }
     assert sleeping == set(SLEEPERS)

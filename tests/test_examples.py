@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from testbench import plan
+from tests.processes import bench
 
 pytestmark = pytest.mark.slow
 
@@ -66,12 +67,7 @@ def test_the_second_example_compares_a_gyroscope_with_the_arm(
     folder: Path, first_output: str
 ) -> None:
     (session,) = (folder / "logs").iterdir()
-    subprocess.run(
-        [sys.executable, "-m", "testbench", "estimate", str(session)],
-        cwd=ROOT,
-        check=True,
-        capture_output=True,
-    )
+    assert bench("estimate", session).returncode == 0
     by_name = run_example("02_open_a_session_in_pandas.py", folder, str(session))
     newest = run_example("02_open_a_session_in_pandas.py", folder)
     assert by_name == newest

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import io
+import tokenize
 
 import pytest
 
@@ -150,6 +152,16 @@ def test_a_long_or_complex_function_without_a_reason_is_found(
     file.write_text(f"\n{source}")
     tree = ast.parse(file.read_text())
     assert texts(house.long_functions(file, tree, {(file, complex_at + 1)})) == found
+
+
+def test_comments_are_those_of_the_tokenizer() -> None:
+    source = (
+        'a = "# no"  # one\n\n"""it\'s # no\n"""  # two\nb = r\'\\\'#no\'#three "\n'
+        'c = "\\\\"  # \'four\n'
+    )
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    expected = [(*each.start, each.string) for each in tokens if each.type == tokenize.COMMENT]
+    assert list(house.comments(source)) == expected and len(expected) == 4
 
 
 def test_ruff_tells_complex_functions(tmp_path) -> None:

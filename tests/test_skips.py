@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from tests.processes import forked
 from tests.skips import complaint, excuses
 
-ROOT = Path(__file__).resolve().parent.parent
 MODULES = {
     "test_module.py": "import pytest\npytest.importorskip('no_such_package')\n",
     "test_mark.py": """\
@@ -26,21 +25,23 @@ def test_disk():
 }
 
 
+def pytest_in_ci(folder: Path, without: str, said: Path) -> None:
+    """Run the tests of a folder as in CI, in a process of its own, and keep what they say."""
+    os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT), 1)
+    os.environ.update(CI="1", CI_WITHOUT=without)
+    options = ["-rN", "-p", "tests.conftest", "-c", os.devnull, "--continue-on-collection-errors"]
+    sys.exit(pytest.main([*options, "--rootdir", str(folder), str(folder)]))
+
+
 @pytest.mark.parametrize(("without", "failures"), [("", 2), ("chromium", 1)])
 def test_a_module_or_a_test_that_skips_needlessly_fails_in_ci(tmp_path, without, failures) -> None:
     for name, text in MODULES.items():
         (tmp_path / name).write_text(text)
-    command = [sys.executable, "-m", "pytest", "-rN", "-p", "tests.conftest", "-c", os.devnull]
-    done = subprocess.run(
-        [*command, "--continue-on-collection-errors", "--rootdir", str(tmp_path), str(tmp_path)],
-        cwd=ROOT,
-        env={**os.environ, "CI": "1", "CI_WITHOUT": without},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode != 0
-    assert done.stdout.count("nothing must skip in CI") == failures, done.stdout
+    said = tmp_path / "said"
+    process = forked(pytest_in_ci, tmp_path, without, said)
+    process.join(120)
+    assert process.exitcode == pytest.ExitCode.TESTS_FAILED, said.read_text()
+    assert said.read_text().count("nothing must skip in CI") == failures, said.read_text()
 
 
 def test_nothing_is_asked_of_a_skip_on_a_persons_machine(monkeypatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -30,15 +31,19 @@ from tests.drivers.trial_arm import ENTRY
 ALLOWED = Watcher(FakeClock(), consent=Consent(motion=True, hazards_checked=True))
 ROOT = Path(__file__).resolve().parents[2]
 ON_TRIAL = """
-import sys
+import json, sys
 from testbench.drivers.arms.catalogue import ARMS
 from tests.drivers.trial_arm import ENTRY
 ARMS[ENTRY.name] = ENTRY
 from testbench.cli import main
-sys.argv[0] = "testbench"
-main()
+for words in json.loads(sys.argv[1]):
+    sys.argv = ["testbench", *words]
+    try:
+        main()
+    except SystemExit:
+        print("<ended>", flush=True)
 """
-"""The command line of an installation whose catalogue has one more entry."""
+"""The command line of an installation whose catalogue has one more entry, command by command."""
 
 
 @pytest.fixture
@@ -48,29 +53,38 @@ def trial(monkeypatch: pytest.MonkeyPatch) -> ArmEntry:
     return ENTRY
 
 
-def said(*words: str) -> str:
-    """What the command line with the trial's entry says."""
-    command = [sys.executable, "-c", ON_TRIAL, *words]
+def said(*commands: list[str]) -> list[str]:
+    """What the command line with the trial's entry says to each command."""
     wide = os.environ | {"COLUMNS": "200", "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
-        command, env=wide, capture_output=True, text=True, check=False, timeout=120
+        [sys.executable, "-c", ON_TRIAL, json.dumps(commands)],
+        env=wide,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+        timeout=120,
     )
-    return " ".join((done.stdout + done.stderr).replace("│", " ").split())
+    *told, rest = done.stdout.split("<ended>\n")
+    assert not rest and len(told) == len(commands), done.stdout
+    return [" ".join(text.replace("│", " ").split()) for text in told]
 
 
 def test_a_new_entry_is_offered_and_asked_for_its_options(tiny):
-    assert "<sim|ur|xarm|replay|trial>" in said("run", "--help")
-    assert "trial an arm for tests" in said("run", "--help")
-    assert "--arm trial needs --host, the address of the trial" in said(
-        "run", str(tiny), "--arm", "trial", "--simulate-imus"
+    run, host = ["run", str(tiny)], ["--host", "1.2.3.4"]
+    offered, no_host, no_log, no_arm, dry = said(
+        ["run", "--help"],
+        [*run, "--arm", "trial", "--simulate-imus"],
+        [*run, "--arm", "trial", *host, "--log", "motion.csv"],
+        [*run, *host],
+        [*run, "--arm", "trial", *host, "--simulate-imus"],
     )
-    assert "--log needs --arm replay" in said(
-        "run", str(tiny), "--arm", "trial", "--host", "1.2.3.4", "--log", "motion.csv"
-    )
-    assert "--host needs --arm ur, xarm or trial" in said("run", str(tiny), "--host", "1.2.3.4")
-    assert "this was a dry run" in said(
-        "run", str(tiny), "--arm", "trial", "--host", "1.2.3.4", "--simulate-imus"
-    )
+    assert "<sim|ur|xarm|replay|trial>" in offered
+    assert "trial an arm for tests" in offered
+    assert "--arm trial needs --host, the address of the trial" in no_host
+    assert "--log needs --arm replay" in no_log
+    assert "--host needs --arm ur, xarm or trial" in no_arm
+    assert "this was a dry run" in dry
 
 
 def test_a_new_entry_drives_a_run_whose_report_says_where_the_motion_is_from(trial, tiny, tmp_path):

@@ -31,12 +31,13 @@ LINKS = [
 TOLERANCE = 1e-9  # metres, and elements of the rotation matrix
 
 
-def turn(axis: str, angle: float) -> np.ndarray:
-    """Homogeneous rotation by an angle [rad] about x or z."""
+def turn(axis: str, angle: float | np.ndarray) -> np.ndarray:
+    """Homogeneous rotation by an angle [rad], or by many, about x or z."""
     c, s = np.cos(angle), np.sin(angle)
-    matrix = np.eye(4)
+    matrix = np.tile(np.eye(4), (*np.shape(angle), 1, 1))
     i, j = {"x": (1, 2), "z": (0, 1)}[axis]
-    matrix[i, i], matrix[i, j], matrix[j, i], matrix[j, j] = c, -s, s, c
+    matrix[..., i, i], matrix[..., i, j] = c, -s
+    matrix[..., j, i], matrix[..., j, j] = s, c
     return matrix
 
 
@@ -49,10 +50,10 @@ def shift(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> np.ndarray:
 
 def dh_frames(name: str, angles: np.ndarray) -> list[np.ndarray]:
     """Poses of the DH frames 0 to 6 in the controller's Base frame, A_i = Rz(theta) Tz(d) Tx(a)
-    Rx(alpha).
+    Rx(alpha), for angles of shape (poses, 6).
     """
-    frames = [np.eye(4)]
-    for theta, d, a, alpha in zip(angles, *DH[name], ALPHA, strict=True):
+    frames = [np.tile(np.eye(4), (len(angles), 1, 1))]
+    for theta, d, a, alpha in zip(angles.T, *DH[name], ALPHA, strict=True):
         frames.append(frames[-1] @ turn("z", theta) @ shift(z=d) @ shift(x=a) @ turn("x", alpha))
     return frames
 
@@ -102,17 +103,19 @@ def test_every_link_agrees_with_the_dh_parameters_in_a_thousand_poses(name):
     assert set(bodies) == set(fixed)  # no link is left out
     base_link_from_base = turn("z", np.pi)
     rng = np.random.default_rng(20230601)
-    for angles in rng.uniform(-2 * np.pi, 2 * np.pi, (1000, 6)):
+    poses = rng.uniform(-2 * np.pi, 2 * np.pi, (1000, 6))
+    numbers = {link: model.getFrameId(link, pin.FrameType.BODY) for link in fixed}
+    found = {link: np.empty((len(poses), 4, 4)) for link in fixed}
+    for i, angles in enumerate(poses):
         pin.framesForwardKinematics(
             model, data, pinocchio_configuration(model, robot.joint_names, angles)
         )
-        frames = dh_frames(name, angles)
-        for link, (index, dh_from_link) in fixed.items():
-            expected = base_link_from_base @ frames[index] @ dh_from_link
-            found = data.oMf[model.getFrameId(link, pin.FrameType.BODY)].homogeneous
-            np.testing.assert_allclose(
-                found, expected, rtol=0, atol=TOLERANCE, err_msg=f"{link} at {angles}"
-            )
+        for link, number in numbers.items():
+            found[link][i] = data.oMf[number].homogeneous
+    frames = dh_frames(name, poses)
+    for link, (index, dh_from_link) in fixed.items():
+        expected = base_link_from_base @ frames[index] @ dh_from_link
+        np.testing.assert_allclose(found[link], expected, rtol=0, atol=TOLERANCE, err_msg=link)
 
 
 @pytest.mark.parametrize("name", DH)

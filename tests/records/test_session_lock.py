@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
@@ -25,16 +26,33 @@ from testbench.records.session.session_lock import session_lock, session_locked
 from testbench.reporting.report import report
 from tests.asking import analysis
 from tests.house import ROOT
+from tests.processes import FORKS, forked
 
-HOLD = """\
-import sys, time
+ASK = """\
+import sys
 from pathlib import Path
-from testbench.records.session.session_lock import session_lock
+import testbench.records.session.session_lock as lock
 
-with session_lock(Path(sys.argv[1])):
-    print("held", flush=True)
-    time.sleep(600)
+lock.TELL_S = 0
+with lock.session_lock(Path(sys.argv[1]), 0.2):
+    pass
 """
+
+
+def hold(session: Path, tell: Connection) -> None:
+    """Tell that a session is held, and hold it."""
+    with session_lock(session):
+        tell.send("held")
+        signal.pause()
+
+
+def take(session: Path, tell: Connection) -> None:
+    """Take a session at once, and tell what came of it."""
+    try:
+        with session_lock(session, 0):
+            tell.send("taken")
+    except SessionError as error:
+        tell.send(str(error))
 
 
 @pytest.fixture(scope="module")
@@ -56,11 +74,13 @@ def session(quick, tmp_path) -> Session:
 def holder(tmp_path):
     """A living process that works on `tmp_path / "session"`."""
     (tmp_path / "session").mkdir(exist_ok=True)
-    command = [sys.executable, "-c", HOLD, str(tmp_path / "session")]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None and process.stdout.readline() == "held\n"
-        yield process
-        process.kill()
+    told, tell = FORKS.Pipe(duplex=False)
+    process = forked(hold, tmp_path / "session", tell)
+    tell.close()
+    assert told.recv() == "held"
+    yield process
+    process.kill()
+    process.join()
 
 
 def orientations(made: Estimate) -> dict[str, np.ndarray]:
@@ -136,10 +156,10 @@ def test_estimate_evaluation_and_report_are_of_one_another(session, monkeypatch)
 
 
 def test_who_has_a_session_may_take_it_again_and_another_process_may_not(session):
-    command = [sys.executable, "-c", HOLD.replace("[1])", "[1]), 0"), str(session.path)]
+    told, tell = FORKS.Pipe(duplex=False)
     with session_lock(session.path), session_lock(session.path):
-        refused = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert refused.returncode == 1 and "is being worked on by another process" in refused.stderr
+        forked(take, session.path, tell).join(60)
+    assert told.poll() and "is being worked on by another process" in told.recv()
 
 
 def test_the_later_process_is_refused_once_it_has_waited(session, holder, monkeypatch):
@@ -185,9 +205,7 @@ def test_whoever_waits_for_a_thread_is_told_so(session, monkeypatch, caplog):
 
 
 def test_a_wait_is_told_on_stderr_where_nobody_has_set_up_another_way(tmp_path, holder):
-    ask = HOLD.replace("[1])", "[1]), 0.2").replace("with ", "lock.TELL_S = 0\nwith ")
-    ask = "import testbench.records.session.session_lock as lock\n" + ask
-    command = [sys.executable, "-c", ask, str(tmp_path / "session")]
+    command = [sys.executable, "-c", ASK, str(tmp_path / "session")]
     told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60).stderr
     assert told.startswith(f"waiting for {tmp_path / 'session'}, which another process, ")
 
@@ -195,12 +213,13 @@ def test_a_wait_is_told_on_stderr_where_nobody_has_set_up_another_way(tmp_path, 
 def test_the_later_process_waits_for_the_earlier_one(tmp_path, holder):
     threading.Timer(0.3, holder.kill).start()
     with session_lock(tmp_path / "session", 60):
-        assert holder.wait(60) == -signal.SIGKILL
+        holder.join(60)
+        assert holder.exitcode == -signal.SIGKILL
 
 
 def test_a_killed_process_keeps_nobody_away(tmp_path, holder):
     holder.kill()
-    holder.wait()
+    holder.join()
     with session_lock(tmp_path / "session", 0):
         pass
     assert not list((tmp_path / "session").iterdir())

@@ -71,12 +71,16 @@ def cut_before(number: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[st
 
 
 def cuts(
-    action: Callable[[Path], object], start: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+    action: Callable[[Path], object],
+    start: Path,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    every: int = 1,
 ) -> Iterator[Path]:
-    """Copies of a session in which an action was cut off, one for each of its operations on
-    files.
+    """Copies of a session in which an action was cut off, one for each of its operations on files,
+    or for every so many of them.
     """
-    for number in itertools.count():
+    for number in itertools.count(step=every):
         copy = folder / f"cut_{number}" / start.name
         shutil.copytree(start, copy)
         with cut_before(number, monkeypatch):
@@ -118,17 +122,17 @@ def test_a_recovery_that_is_cut_off_anywhere_is_made_good_by_the_next(
 def test_a_resumption_that_is_cut_off_anywhere_is_gone_on_with(
     cut_off, tiny, tmp_path, monkeypatch
 ):
+    the_plan = plan(tiny)
+
     def again(path: Path) -> Session:
         session = recover(Session(path))
         return execute(
-            plan(tiny), seed=5, options=RunOptions(speed="fast", clock=FakeClock(), resumed=session)
+            the_plan, seed=5, options=RunOptions(speed="fast", clock=FakeClock(), resumed=session)
         )
 
     shutil.copytree(cut_off, tmp_path / "run")
     whole = again(tmp_path / "run")
-    for number, copy in enumerate(cuts(again, cut_off, tmp_path, monkeypatch)):
-        if number % 6:  # a run each: not all of them
-            continue
+    for copy in cuts(again, cut_off, tmp_path, monkeypatch, every=6):  # a run each: not all
         session = Session(copy)
         if session.status is not RunStatus.COMPLETED:
             session = run(going_on(copy), Watcher(clock=FakeClock())).session
