@@ -18,6 +18,12 @@ from testbench.records.results.fit import Fit
 
 Residuals = Callable[[np.ndarray], np.ndarray]
 
+CONVERGED = 1e-12
+"""Share of the sum of squares, or of the parameters, that a last step changes. Of m residuals of
+unit variance it is a step of at most 1e-6 sqrt(m) standard deviations; below it rounding decides,
+and what data do not determine would wander on.
+"""
+
 
 @dataclass(frozen=True)
 class FitParameter:
@@ -107,8 +113,8 @@ def solve(
         np.zeros(p),
         jac=scaled_jacobian if jacobian else "3-point",
         method="trf",
-        xtol=1e-15,
-        ftol=1e-15,
+        xtol=CONVERGED,
+        ftol=CONVERGED,
         gtol=1e-15,
         max_nfev=200 * (p + 1),
     )
