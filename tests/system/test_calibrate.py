@@ -5,6 +5,7 @@ no estimator sees.
 import json
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,6 @@ from testbench.model.statistics.least_squares import PoorExcitation
 from testbench.pipeline.analyse import analyse
 from testbench.pipeline.calibrate import calibrate
 from testbench.pipeline.request import CalibrationRequest
-from testbench.pipeline.run import run
 from testbench.records.results.calibration_file import (
     find_calibration,
     load_calibration,
@@ -31,7 +31,7 @@ from testbench.records.results.calibration_file import (
     save_calibration,
 )
 from testbench.records.specs.protocol import Environment
-from tests.asking import analysis, run_of
+from tests.asking import analysis, recorded
 from tests.command_line import command
 
 pytestmark = pytest.mark.slow
@@ -41,23 +41,37 @@ SEEDS = (3, 4)
 
 @pytest.fixture(scope="module")
 def sessions(tmp_path_factory, altered_protocol):
-    """By protocol, preset and seed; the calibration runs."""
-    logs, made = tmp_path_factory.mktemp("logs"), {}
+    """By protocol, preset and seed; the recordings of calibrations."""
+    logs = tmp_path_factory.mktemp("logs")
+
+    @cache
+    def written(protocol, preset):
+        def change(data):
+            data["sensors"]["forearm"]["preset"] = preset
+            # a known field is the same in every pose
+            data["environment"] = {"arm_magnetism": False}
+
+        return altered_protocol(protocol, change)
+
+    @cache
+    def made(protocol, preset, seed):
+        return recorded(written(protocol, preset), seed, logs)
 
     def get(protocol, preset="xsens_dot", seed=3):
-        key = (protocol, preset, seed)
-        if key not in made:
+        return made(protocol, preset, seed)
 
-            def change(data):
-                data["sensors"]["forearm"]["preset"] = preset
-                data["environment"] = {
-                    "arm_magnetism": False
-                }  # a known field is the same in every pose
+    return get
 
-            made[key] = run(
-                run_of(altered_protocol(protocol, change), seed=seed, logs=logs)
-            ).session
-        return made[key]
+
+@pytest.fixture(scope="module")
+def by_rate_table(sessions):
+    """By seed: the recording of a calibration, and the triads by the arm and its rates."""
+
+    @cache
+    def get(seed):
+        session = sessions("calibration_optimal", seed=seed)
+        methods = ["attitude_aided", "rate_table"]
+        return session, calibrate_sensor(session, "forearm", methods).calibration.triads
 
     return get
 
@@ -127,31 +141,26 @@ def test_recovers_the_errors_the_part_was_born_with(sessions, seed):
     np.testing.assert_allclose(gyr.bias, gyroscope.bias, atol=np.radians(0.02))
 
 
-def test_a_rate_table_of_a_sensor_that_integrates_is_not_biased(sessions):
+def test_a_rate_table_of_a_sensor_that_integrates_is_not_biased(by_rate_table):
     """Its readings are means over the interval: against the rates of instants the response looked
     1e-4 too small.
     """
     off = []
     for seed in range(3, 9):
-        session = sessions("calibration_optimal", seed=seed)
-        found = calibrate_sensor(
-            session, "forearm", ["attitude_aided", "rate_table"]
-        ).calibration.triads["gyroscope"]
+        session, triads = by_rate_table(seed)
+        found = triads["gyroscope"]
         response = found.fits[0].values.reshape(3, 7)[:, :3]
         off.append(np.diag(response - born_with(session)[1].matrix))
     assert np.abs(np.mean(off, axis=0)).max() < 5e-5
 
 
-def test_a_bias_is_not_stated_better_than_its_in_run_part(sessions):
+def test_a_bias_is_not_stated_better_than_its_in_run_part(by_rate_table):
     """All rests of a session share it, however many they are; of eighteen biases as many are off as
     is stated.
     """
     off = []
     for seed in range(3, 9):
-        session = sessions("calibration_optimal", seed=seed)
-        triads = calibrate_sensor(
-            session, "forearm", ["attitude_aided", "rate_table"]
-        ).calibration.triads
+        session, triads = by_rate_table(seed)
         for name, real, floor in zip(
             ("accelerometer", "gyroscope"), born_with(session), (SETTLING_M_S2, IN_RUN), strict=True
         ):
@@ -371,20 +380,25 @@ def test_names_are_checked(sessions):
 CROOKED_DEG = [5.0, -8.0, 3.0]
 
 
-@pytest.mark.parametrize("method", ["mounting_rates", "mounting_orientations", "mounting_hinge"])
-def test_a_crooked_mounting_is_found_kept_and_applied(altered_protocol, tmp_path, method):
-    """The accelerometer is corrected by the length of gravity alone, so that it keeps the sensor's
-    own axes.
-    """
+@pytest.fixture(scope="module")
+def crooked(altered_protocol, tmp_path_factory):
+    """The recording of a calibration of a sensor that is mounted crookedly."""
 
     def turn(data):
         data["sensors"]["forearm"]["mounting_error"] = {"rotation_deg": {"XYZ": CROOKED_DEG}}
 
-    session = run(
-        run_of(altered_protocol("calibration_optimal", turn), seed=5, logs=tmp_path)
-    ).session
+    protocol = altered_protocol("calibration_optimal", turn)
+    return recorded(protocol, 5, tmp_path_factory.mktemp("crooked"))
+
+
+@pytest.mark.parametrize("method", ["mounting_rates", "mounting_orientations", "mounting_hinge"])
+def test_a_crooked_mounting_is_found_kept_and_applied(crooked, tmp_path, method):
+    """The accelerometer is corrected by the length of gravity alone, so that it keeps the sensor's
+    own axes.
+    """
+
     made = calibrate(
-        session,
+        crooked,
         CalibrationRequest(
             out=tmp_path / "sensor.yaml",
             methods=(
@@ -398,29 +412,35 @@ def test_a_crooked_mounting_is_found_kept_and_applied(altered_protocol, tmp_path
     left = np.degrees((Rotation.from_matrix(found.R_believed_from_sensor) * real.inv()).magnitude())
     assert left < 0.6  # the part's own cross-axis errors, 0.2 % for each, stay in it
     assert np.degrees(found.fit.sd).max() < 0.3
-    after = analyse(session, analysis("device", "vqf_6d", calibrations=made.file))
+    after = analyse(crooked, analysis("device", "vqf_6d", calibrations=made.file))
     assert after.estimate.sensors["forearm"].axes["gyr"].crooked_deg < 0.8
     assert after.estimate.sensors["forearm"].stored_calibration["methods"]["mounting"] == method
     rows = {row.filter: row.inclination_rmse_deg for row in after.evaluation.orientation}
     assert max(rows.values()) < 1.0
 
 
-def test_two_axes_through_the_vertical_tell_their_angle(run_protocol):
-    session = run_protocol("orthogonality", seed=3, filters=["vqf_6d"]).session
+def test_two_axes_through_the_vertical_tell_their_angle(tmp_path):
+    session = recorded("orthogonality", 3, tmp_path)
     result = calibrate_sensor(session, "forearm")
     assert result.calibration.triads["accelerometer"].method == "rotational_2d_bias"
     assert any("deg apart, their scales" in remark for remark in result.remarks)
 
 
-def test_a_part_that_warms_up_is_corrected_by_its_thermometer(altered_protocol, tmp_path):
+@pytest.fixture(scope="module")
+def warming(altered_protocol, tmp_path_factory):
+    """The recording of a part that warms up while it is calibrated."""
+
     def warm(data):
         data["sensors"]["forearm"] = {**data["sensors"]["forearm"], "preset": "mpu6050"}
         data["motion"] = {"speed": 0.42, "acceleration": 0.5, "jerk": 0.5}  # within 250 deg/s
         data["environment"] = {"temperature_deg_c": 20, "warm_up_deg_c": 15, "warm_up_time_s": 60}
 
-    session = run(
-        run_of(altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path)
-    ).session
+    protocol = altered_protocol("calibration_optimal", warm)
+    return recorded(protocol, 5, tmp_path_factory.mktemp("warming"))
+
+
+def test_a_part_that_warms_up_is_corrected_by_its_thermometer(warming, tmp_path):
+    session = warming
     warmth = session.imu("forearm").temperature
     assert warmth[0] == pytest.approx(20, abs=0.5)
     assert warmth[-1] > 30
@@ -441,23 +461,15 @@ def test_a_part_that_warms_up_is_corrected_by_its_thermometer(altered_protocol, 
 
 
 def test_a_gyroscope_that_warms_up_gives_its_drift_and_keeps_its_response_to_gravity(
-    altered_protocol, tmp_path
+    warming, tmp_path
 ):
     """Without the drift, bias and response to force take the warming for themselves."""
 
-    def warm(data):
-        data["sensors"]["forearm"] = {**data["sensors"]["forearm"], "preset": "mpu6050"}
-        data["motion"] = {"speed": 0.42, "acceleration": 0.5, "jerk": 0.5}  # within 250 deg/s
-        data["environment"] = {"temperature_deg_c": 20, "warm_up_deg_c": 15, "warm_up_time_s": 60}
-
-    session = run(
-        run_of(altered_protocol("calibration_optimal", warm), seed=5, logs=tmp_path)
-    ).session
+    session = warming
     real = born_with(session)[1]
     for method in ("attitude", "rate_table"):
-        found = calibrate_sensor(session, "forearm", ["attitude_aided", method]).calibration.triads[
-            "gyroscope"
-        ]
+        made = calibrate_sensor(session, "forearm", ["attitude_aided", method]).calibration
+        found = made.triads["gyroscope"]
         fit, drift = found.fits
         assert np.abs(real.drift).max() > 10 * drift.sd.max()
         np.testing.assert_allclose(found.drift, real.drift, atol=4 * float(drift.sd.max()))
@@ -474,9 +486,6 @@ def test_a_gyroscope_that_warms_up_gives_its_drift_and_keeps_its_response_to_gra
             found.reference - 25
         )  # deg C that the simulated part's bias holds at
         np.testing.assert_allclose(found.bias, expected, atol=np.radians(0.03))
-        save_calibration(
-            tmp_path / f"{method}.yaml",
-            calibrate_sensor(session, "forearm", ["attitude_aided", method]).calibration,
-        )
+        save_calibration(tmp_path / f"{method}.yaml", made)
         again = load_calibration(tmp_path / f"{method}.yaml").triads["gyroscope"]
         assert again.reference == found.reference

@@ -25,6 +25,7 @@ from testbench.records.specs.exclusion import Exclusion
 from testbench.records.specs.protocol import Analysis, Estimation
 from testbench.reporting.report import report
 from tests.benchmarks.long_recordings import orientation
+from tests.conftest import FakeClock
 
 RATE, SECONDS = 100.0, 60.0
 GAP = slice(3500, 3620)
@@ -60,28 +61,40 @@ def lost(samples: ImuSamples, rows: slice) -> ImuSamples:
     return ImuSamples.from_groups({key: column[kept] for key, column in columns.items()})
 
 
+def judged(folder, clock, samples: ImuSamples, truth: Truth | None, details, **settings):
+    """A session of samples, written to a folder, with its estimate and evaluation."""
+    filters = ["vqf_6d", "vqf_9d", "madgwick_imu", "mekf"]
+    own = Estimation(filters=filters, align="motion", calibrate="none", **settings)
+    sensor = ImportedSensor([samples], RATE, "made up", truth, details)
+    recording = Recording("odd", "odd", {"imu": sensor}, Analysis(estimate=own))
+    session = write_recording(recording, [folder.parent / "a.csv"], "made up", folder, clock)
+    estimated = estimate(session)
+    return session, estimated, evaluate(session, estimated)
+
+
 @pytest.fixture
 def evaluated(tmp_path, clock):
     """Writes a session of samples, and gives it with its estimate and evaluation."""
 
     def run(samples: ImuSamples, truth: Truth | None = None, details=None, **settings):
-        filters = ["vqf_6d", "vqf_9d", "madgwick_imu", "mekf"]
-        own = Estimation(filters=filters, align="motion", calibrate="none", **settings)
-        sensor = ImportedSensor([samples], RATE, "made up", truth, details or {})
         folder = tmp_path / f"s{len(list(tmp_path.iterdir()))}"
-        recording = Recording("odd", "odd", {"imu": sensor}, Analysis(estimate=own))
-        session = write_recording(recording, [tmp_path / "a.csv"], "made up", folder, clock)
-        estimated = estimate(session)
-        return session, estimated, evaluate(session, estimated)
+        return judged(folder, clock, samples, truth, details or {}, **settings)
 
     return run
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory) -> dict[str, float]:
+    """Errors where no sample is doubtful, by filter [deg]."""
+    folder = tmp_path_factory.mktemp("clean") / "session"
+    return errors(judged(folder, FakeClock(), *samples_of(), {})[2])
 
 
 def errors(evaluation) -> dict[str, float]:
     return {row.filter: row.total_rmse_deg for row in evaluation.orientation}
 
 
-def test_a_dropout_costs_what_lost_packets_cost_however_it_was_written(evaluated):
+def test_a_dropout_costs_what_lost_packets_cost_however_it_was_written(evaluated, clean):
     samples, truth = samples_of()
     everything = ("gyr", "acc", "mag")
     ways = {
@@ -89,7 +102,6 @@ def test_a_dropout_costs_what_lost_packets_cost_however_it_was_written(evaluated
         "nan": with_rows(samples, GAP, np.nan, *everything),
         "zeros": with_rows(samples, GAP, 0.0, *everything),
     }
-    clean = errors(evaluated(samples, truth)[2])
     for way, spoilt in ways.items():
         _, estimated, evaluation = evaluated(spoilt, truth)
         sensor = estimated.sensors["imu"]
@@ -101,9 +113,9 @@ def test_a_dropout_costs_what_lost_packets_cost_however_it_was_written(evaluated
 
 
 @pytest.mark.parametrize("keys", [("gyr", "acc", "mag"), ("acc",), ("mag",), ("gyr",)])
-def test_a_short_dropout_is_bridged_and_only_its_own_samples_are_left_out(evaluated, keys):
+def test_a_short_dropout_is_bridged_and_only_its_own_samples_are_left_out(evaluated, clean, keys):
     samples, truth = samples_of()
-    clean, short = errors(evaluated(samples, truth)[2]), slice(3500, 3515)
+    short = slice(3500, 3515)
     _, estimated, evaluation = evaluated(with_rows(samples, short, 0.0, *keys), truth)
     sensor = estimated.sensors["imu"]
     assert np.flatnonzero(sensor.flagged).tolist() == list(range(3500, 3515))

@@ -101,23 +101,26 @@ def stick(tmp_path, seed: int, axes: int = 3):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_clock_world_and_mounting_are_found_together(tmp_path, seed):
     session, mounting = stick(tmp_path, seed)
-    sensor = estimate(session).sensors["imu"]
+    estimated = estimate(session)
+    sensor = estimated.sensors["imu"]
     assert sensor.clock.offset_s * 1e3 == pytest.approx(1e3 * OFFSET_S, abs=2)
     assert sensor.clock.drift_ppm == pytest.approx(DRIFT_PPM, abs=20)
     fit = sensor.frames["vqf_6d"]
     assert fit.method == "motion"
     found = Rotation.from_rotvec(np.radians(fit.mounting_deg))
     assert np.degrees((found * mounting.inv()).magnitude()) < 0.3
-    rows = evaluate(session, estimate(session)).orientation
+    rows = evaluate(session, estimated).orientation
     assert rows[0].inclination_rmse_deg < 1.0  # the heading of a 6-axis filter drifts
 
 
 def test_of_a_motion_about_one_axis_only_the_angle_about_it_is_held(tmp_path):
     session, _ = stick(tmp_path, 4, axes=1)
-    sensor = estimate(session).sensors["imu"]
+    estimated = estimate(session)
+    sensor = estimated.sensors["imu"]
     assert sensor.frames["vqf_6d"].method == "motion"
     assert len(sensor.frames["vqf_6d"].undetermined) == 1
-    assert evaluate(session, estimate(session)).orientation[0].total_rmse_deg < 3.0
+    evaluation = evaluate(session, estimated)
+    assert evaluation.orientation[0].total_rmse_deg < 3.0
     warning = next(str(found) for found in sensor.findings if "one axis" in str(found))
     assert "add rotations" in warning
-    assert any("one axis" in note for note in evaluate(session, estimate(session)).notes)
+    assert any("one axis" in note for note in evaluation.notes)

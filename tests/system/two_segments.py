@@ -106,12 +106,12 @@ def readings(scene: Scene, name: str, seed: int) -> dict[str, np.ndarray]:
     """What a sensor that integrates reads, on its own clock; `t` begins with its log."""
     rng = np.random.default_rng(seed)
     segment, step = scene.segments[name], round(FINE / RATE)
-    rows = np.arange(step, len(scene.time), step)
-    q = segment.level_from_body * segment.body_from_sensor
-    turned = q[rows - step].inv() * q[rows]
+    rows = np.arange(0, len(scene.time), step)
+    q = segment.level_from_body[rows] * segment.body_from_sensor
+    turned, rows = q[:-1].inv() * q[1:], rows[1:]
     gyr = turned.as_rotvec() * RATE
     acceleration = np.gradient(np.gradient(segment.position, axis=0), axis=0) * FINE**2
-    acc = q[rows].inv().apply(acceleration[rows] + GRAVITY_UP)
+    acc = q[1:].inv().apply(acceleration[rows] + GRAVITY_UP)
     gyr += scene.gyr_noise * rng.standard_normal(gyr.shape) + 0.001 * rng.standard_normal(3)
     acc += 0.03 * rng.standard_normal(acc.shape) + 0.02 * rng.standard_normal(3)
     return {"t": scene.time[rows] * (1 + 1e-6 * DRIFT_PPM), "gyr": gyr, "acc": acc}

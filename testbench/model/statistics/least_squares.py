@@ -10,13 +10,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.records.results.fit import Fit
 
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
+
 Residuals = Callable[[np.ndarray], np.ndarray]
+
+CONVERGED = 1e-12
+"""Share of the sum of squares, or of the parameters, that a last step changes. Of m residuals of
+unit variance it is a step of at most 1e-6 sqrt(m) standard deviations; below it rounding decides,
+and what data do not determine would wander on.
+"""
+MOST_STEPS = 20
+"""Per parameter, and for one more. Fits take some 25 in all; a search that goes on follows what the
+data do not determine.
+"""
 
 
 @dataclass(frozen=True)
@@ -102,16 +116,21 @@ def solve(
         )
     from scipy.optimize import least_squares  # a quarter of a second to load
 
-    found = least_squares(
-        scaled,
-        np.zeros(p),
-        jac=scaled_jacobian if jacobian else "3-point",
-        method="trf",
-        xtol=1e-15,
-        ftol=1e-15,
-        gtol=1e-15,
-        max_nfev=200 * (p + 1),
-    )
+    def search(steps: int) -> OptimizeResult:
+        return least_squares(
+            scaled,
+            np.zeros(p),
+            jac=scaled_jacobian if jacobian else "3-point",
+            method="trf",
+            xtol=CONVERGED,
+            ftol=CONVERGED,
+            gtol=1e-15,
+            max_nfev=steps,
+        )
+
+    found = search(MOST_STEPS * (p + 1))
+    if found.status == 0:  # it wandered off: what is not determined is told where it began
+        covariance_of(np.asarray(search(1).jac), 1.0, names, advice)
     J, left = np.asarray(found.jac), np.asarray(found.fun)
     dof = float("inf") if known_scatter else float(len(left) - p)
     variance = 1.0 if known_scatter else float(left @ left / dof) if dof > 0 else 1.0
