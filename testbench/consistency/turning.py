@@ -248,6 +248,8 @@ def _bins(rates, vectors, bins, seconds, bias):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _joined(mixed, turned, rows, weights):  # type: ignore[no-untyped-def]
     """Means over blocks of bins that follow one another, seen from the beginning of a window."""
+    # Many loops: products of matrices this small cost more by BLAS than all the rest, and a
+    # function of its own for each would hand over as many arrays.
     count, bins = rows.shape
     blocks = weights.shape[1]
     whole = np.zeros((count, blocks, 3, 3, 3))
