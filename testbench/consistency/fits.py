@@ -220,9 +220,12 @@ class Pair:
         Args:
             blocks: As `blocks` gives them, shape (r, w, b, 3).
         """
-        mean = blocks.mean(axis=2)
-        left = ((blocks - mean[:, :, None]) ** 2).sum(axis=3).mean(axis=2)
-        length = np.linalg.norm(mean, axis=2)
+        # einsum, for NumPy is slow to add up along axes of a few elements
+        each = blocks.shape[2]
+        mean = np.einsum("rwbi->rwi", blocks) / each
+        apart = blocks - mean[:, :, None]
+        left = np.einsum("rwbi,rwbi->rw", apart, apart) / each
+        length = np.sqrt(np.einsum("rwi,rwi->rw", mean, mean))
         part = left / np.clip(length, SHORTEST * self.usual, self.usual) ** 2
         return Scatter(np.log(part + FLOOR**2), length, self.windows.independent)
 

@@ -248,24 +248,34 @@ def _bins(rates, vectors, bins, seconds, bias):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _joined(mixed, turned, rows, weights):  # type: ignore[no-untyped-def]
     """Means over blocks of bins that follow one another, seen from the beginning of a window."""
+    # Many loops: products of matrices this small cost more by BLAS than all the rest, and a
+    # function of its own for each would hand over as many arrays.
     count, bins = rows.shape
     blocks = weights.shape[1]
     whole = np.zeros((count, blocks, 3, 3, 3))
-    seen = np.zeros((3, 3, 3))
+    seen, r, after = np.empty((3, 3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for w in range(count):
-        r = np.eye(3)
+        r[:] = np.eye(3)
         for number in range(bins):
             row = rows[w, number]
-            seen[:] = 0.0
+            own, turn = mixed[row], turned[row]
             for i in range(3):
                 for j in range(3):
-                    for m in range(3):
-                        for k in range(3):
-                            seen[i, j, k] += r[i, m] * mixed[row, m, j, k]
+                    for k in range(3):
+                        seen[i, j, k] = (
+                            r[i, 0] * own[0, j, k] + r[i, 1] * own[1, j, k] + r[i, 2] * own[2, j, k]
+                        )
             for block in range(blocks):
-                if weights[w, block, number] > 0:
-                    whole[w, block] += weights[w, block, number] * seen
-            r = r @ turned[row]
+                weight = weights[w, block, number]
+                if weight > 0:
+                    for i in range(3):
+                        for j in range(3):
+                            for k in range(3):
+                                whole[w, block, i, j, k] += weight * seen[i, j, k]
+            for i in range(3):
+                for j in range(3):
+                    after[i, j] = r[i, 0] * turn[0, j] + r[i, 1] * turn[1, j] + r[i, 2] * turn[2, j]
+            r[:] = after
     return whole
 
 
@@ -283,7 +293,8 @@ def read_as(mixed: np.ndarray, mirrored: np.ndarray, maps: np.ndarray) -> np.nda
     proper = np.linalg.det(maps) > 0
     result = np.empty((len(maps), *mixed.shape[:2], 3))
     # P R P^T a up to a constant turn: R P^T a, that is the sum over j, k of (R_ij a_k) P_kj
-    for i, (one, is_proper) in enumerate(zip(maps, proper, strict=True)):
-        source, turn = (mixed, one) if is_proper else (mirrored, -one)
-        result[i] = np.einsum("wbijk,kj->wbi", source, turn)
+    for source, own, sign in ((mixed, proper, 1.0), (mirrored, ~proper, -1.0)):
+        if own.any():
+            turns = sign * maps[own].transpose(0, 2, 1).reshape(-1, 9)
+            result[own] = (turns @ source.reshape(-1, 9).T).reshape(-1, *result.shape[1:])
     return result

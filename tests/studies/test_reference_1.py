@@ -1,21 +1,31 @@
-"""The study reference-1: its published numbers, its bars, and a model of the table that grows."""
+"""The study reference-1: its published numbers, its bars, and a model of the table that grows; and
+the study of misalignment, which takes its elbow.
+"""
 
 from __future__ import annotations
 
 import json
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from testbench.clock import SystemClock
 from testbench.model import rotation
+from testbench.pipeline.analyse import Result
+from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.study import StudyRecord
 from testbench.records.session.session import Session
 from testbench.records.specs.published import load_published, load_published_tables
-from testbench.reporting.study_report import render_study
+from testbench.reporting.study_report import render_study, study_report
 from testbench.studies import get_study
 from testbench.studies.bench import StudyBench
 from testbench.studies.elbow.flexion import heading_fit, heading_model
+from testbench.studies.elbow.misalignment_session import session_curves
+from testbench.studies.folder import new_folder
+from tests.studies.keeping import kept
 
 pytestmark = pytest.mark.slow
 
@@ -29,9 +39,26 @@ SUMS = {
 }
 
 
+@dataclass(frozen=True)
+class OnceBench(StudyBench):
+    """Runs a protocol once, however many studies ask for it."""
+
+    done: dict[tuple[object, object], Result] = field(default_factory=dict)
+
+    def run(self, protocol, filters=None, planned=lambda plan: None):
+        if (protocol, filters) not in self.done:
+            self.done[protocol, filters] = super().run(protocol, filters, planned)
+        return self.done[protocol, filters]
+
+
 @pytest.fixture(scope="module")
-def study(tmp_path_factory) -> StudyRecord:
-    return get_study("reference-1").run(StudyBench(tmp_path_factory.mktemp("logs"), SystemClock()))
+def bench(tmp_path_factory) -> OnceBench:
+    return OnceBench(tmp_path_factory.mktemp("logs"), SystemClock(), parts=1)
+
+
+@pytest.fixture(scope="module")
+def study(bench) -> StudyRecord:
+    return get_study("reference-1").run(bench)
 
 
 def test_published_tables_are_those_of_the_source():
@@ -183,3 +210,63 @@ def test_every_number_can_be_traced(study):
     assert study.name == "reference-1"
     assert study.table("fits").rows[-1].ratio(0) == pytest.approx(1, abs=3e-4)
     assert json.loads(json.dumps(study.to_dict(), allow_nan=False))["curves"]
+
+
+# --- the study of misalignment, which runs the same elbow
+
+
+@pytest.fixture(scope="module")
+def misalignment(bench) -> StudyRecord:
+    return get_study("misalignment").run(bench)
+
+
+def test_misalignment_runs_an_elbow_and_lays_it_on_the_theory(misalignment, tmp_path):
+    study = kept(misalignment, tmp_path, seed=0)
+    rows = {row.label: row.values for row in study.table("elbow measured").rows}
+    assert set(rows) == {
+        f"{sequence}, {name}" for sequence in ("ZXZ", "YXZ") for name in ("device", "vqf_6d")
+    }
+    for name in ("device", "vqf_6d"):
+        assert rows[f"YXZ, {name}"][0] == 315
+        assert rows[f"YXZ, {name}"][2] == pytest.approx(7.99, abs=0.01)  # by the definition
+        assert rows[f"YXZ, {name}"][3] == pytest.approx(
+            rows[f"YXZ, {name}"][1], abs=1
+        )  # measured, in the mean
+        assert (
+            7 < rows[f"YXZ, {name}"][4] < 15
+        )  # a heading that drifts adds to the misalignment or takes from it
+        assert rows[f"ZXZ, {name}"][2] < 0.01 and rows[f"ZXZ, {name}"][4] < 0.6
+    by_yxz = next(curves for curves in study.curves if "YXZ" in curves.caption)
+    assert {curve.kind for curve in by_yxz.curves} == {"theory", "simulation", "measurement"}
+    assert len(study.surfaces) == 3 and len(study.sessions) == 1
+
+
+def test_the_elbow_grows_wrong_with_flexion_by_yxz_and_not_by_zxz_and_the_sensors_follow_the_theory(
+    misalignment,
+):
+    session = Session(misalignment.sessions[0])
+    evaluation = Evaluation.load(session.path)
+    zxz, yxz = session_curves(session, evaluation, "elbow", [10, 40, 70])
+    curves = {curve.name: curve for curve in yxz.curves}
+    assert curves["theory, 70 deg"].y.max() == pytest.approx(7.99, abs=0.005)
+    for flexion in (10, 40, 70):
+        theory, simulation = curves[f"theory, {flexion} deg"], curves[f"simulation, {flexion} deg"]
+        np.testing.assert_array_equal(theory.x, np.arange(-20, 21, 2))
+        np.testing.assert_allclose(simulation.y, theory.y, atol=0.02)
+        np.testing.assert_allclose(
+            curves[f"device, {flexion} deg"].y, theory.y, atol=0.2 + 0.2 * theory.y.max()
+        )
+    flat = {curve.name: curve for curve in zxz.curves}
+    # A heading error is a misalignment to YXZ and nothing to ZXZ: so the sensors scatter about the
+    # theory there, not here.
+    assert np.abs(curves["device, 70 deg"].y - curves["theory, 70 deg"].y).max() > 0.3
+    assert max(flat[f"vqf_6d, {flexion} deg"].y.max() for flexion in (10, 40, 70)) < 0.6
+
+
+def test_sessions_of_a_study_have_reports_that_it_links_to(bench, misalignment):
+    study = misalignment
+    folder = new_folder(bench.logs, "misalignment", bench.clock)
+    page = study_report(study, folder).read_text(encoding="utf-8")
+    (link,) = re.findall(r'<a href="(\.\./[^"]+)">', page)
+    assert (folder / link).resolve() == (Path(study.sessions[0]) / "report.html").resolve()
+    assert (folder / link).is_file()

@@ -29,14 +29,14 @@ def test_the_published_numbers_are_those_of_the_source():
 
 @pytest.fixture(scope="module")
 def study(altered_protocol, tmp_path_factory):
-    """A third of the swings and squats, ten strides by the cheaper model of the sensors."""
+    """A third of the swings and squats, seven strides by the cheaper model of the sensors."""
 
     def fewer(spec):
         for sweep in spec["sections"][1]["steps"][0]["sweep"].values():
             sweep["sine"]["cycles"] = 10
 
     def walk(spec):
-        spec["variables"]["strides"] = 10
+        spec["variables"]["strides"] = 7
         spec["estimate"]["chain"] |= {"scales": False, "settling_s": 4}
 
     protocols = {name: altered_protocol(name, fewer) for name in ("pendulum", "squat")}

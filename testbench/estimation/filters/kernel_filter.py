@@ -78,8 +78,8 @@ class KernelFilter(RecursiveFilter):
         return np.concatenate([np.asarray(part, float) for part in parts])
 
     def _unpack(self, vector: np.ndarray) -> FilterState:
-        ends = np.cumsum([length for _, length in self.layout])
-        parts = np.split(vector, ends[:-1])
-        return {"filter": self.name} | {
-            name: part.tolist() for (name, _), part in zip(self.layout, parts, strict=True)
-        }
+        state: FilterState = {"filter": self.name}
+        values, end = vector.tolist(), 0
+        for name, length in self.layout:
+            state[name], end = values[end : end + length], end + length
+        return state
