@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ class Motion:
     mag: np.ndarray
 
 
+@cache
 def turned(n: int = 600, rate: float = 100.0) -> Motion:
     t = np.arange(n) / rate
     moving = np.clip((t - 1.5) / 0.5, 0, 1) * np.clip((t[-1] - 1.5 - t) / 0.5, 0, 1)
@@ -46,13 +48,16 @@ def turned(n: int = 600, rate: float = 100.0) -> Motion:
     whole = Rotation.concatenate(orientations)
     down = whole.inv()
     rng = np.random.default_rng(1)  # a sensor that lives never reads the same twice
-    return Motion(
+    columns = (
         t,
         whole.as_quat(scalar_first=True),
         gyr + rng.normal(0, 1e-7, gyr.shape),
         down.apply([0, 0, G]) + rng.normal(0, 1e-6, gyr.shape),
         down.apply([0.0, 24.0, -39.0]),
     )
+    for column in columns:
+        column.setflags(write=False)  # all tests have the same
+    return Motion(*columns)
 
 
 @pytest.fixture(scope="session")

@@ -69,7 +69,7 @@ def read(files: list[Path], options: Options) -> Recording:
 # One piece: the titles that are found decide what is checked, converted and noted.
 def _sensor(name: str, file: Path, options: Options) -> tuple[ImportedSensor, str]:
     """The sensor, and its first stamp as it is written."""
-    header = re.compile(r"(?=.*\bdateTime\b)(?=.*\bacc_x\b)", re.IGNORECASE)
+    header = re.compile(r"^(?=.*\bdateTime\b)(?=.*\bacc_x\b)", re.IGNORECASE)
     table, _ = find_table(
         file,
         header,

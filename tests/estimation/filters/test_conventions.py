@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -126,6 +127,7 @@ def test_without_a_magnetometer_the_offline_filter_still_runs():
     assert rotation.rotate(q, samples.acc[-1]) == pytest.approx(UP, abs=1e-3)
 
 
+@cache
 def walk(seconds: float = 20, seed: int = 4) -> tuple[UniformSamples, Rotation]:
     """A wandering motion with noise."""
     rng = np.random.default_rng(seed)
