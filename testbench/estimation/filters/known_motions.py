@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -165,16 +166,23 @@ def recordings(needs: tuple[str, ...]) -> dict[str, list[KnownMotion]]:
     Args:
         needs: What the filter needs; the device's orientation is there for one that asks for it.
     """
-    groups = _groups()
-    if "device_q" in needs:
-        return groups
-    return {name: [_without_device(case) for case in cases] for name, cases in groups.items()}
+    with_device = "device_q" in needs
+    return {
+        name: [_fresh(case, with_device) for case in cases] for name, cases in _groups().items()
+    }
 
 
-def _without_device(case: KnownMotion) -> KnownMotion:
-    return replace(case, samples=replace(case.samples, device_q=None))
+def _fresh(case: KnownMotion, with_device: bool) -> KnownMotion:
+    """The same with samples of its own: a filter that is tested may write into them."""
+    samples = case.samples
+    copied: dict[str, Any] = {
+        name: value.copy() for name, value in vars(samples).items() if isinstance(value, np.ndarray)
+    }
+    own = replace(samples, **copied)
+    return replace(case, samples=own if with_device else replace(own, device_q=None))
 
 
+@cache
 def _groups() -> dict[str, list[KnownMotion]]:
     # Longer than a screen: a list of recordings, check by check.
     rests = [

@@ -47,7 +47,9 @@ def moving(R_world_from_sensor: Rotation, rate: np.ndarray) -> UniformSamples:
 
 def at_rest(R_world_from_sensor: Rotation, seconds: float) -> UniformSamples:
     n = round(seconds * RATE)
-    return moving(Rotation.concatenate([R_world_from_sensor] * n), np.zeros((n, 3)))
+    return moving(
+        Rotation.from_quat(np.tile(R_world_from_sensor.as_quat(), (n, 1))), np.zeros((n, 3))
+    )
 
 
 def turning(
