@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,8 +15,8 @@ from testbench.reporting.page.palette import filter_colours
 from testbench.reporting.page.render import render_page
 from testbench.reporting.page.tables import Table
 from testbench.reporting.sections.cycle import MOST_FILTERS, MOST_SHOWN, TRUE, cycle_blocks
+from tests.reporting.browsing import browse, needs_browser
 
-CHROMIUM = shutil.which("chromium")
 OPEN = """
 const page = document.documentElement.dataset;
 const count = () => document.querySelectorAll(".figure.js-plotly-plot").length;
@@ -221,7 +219,7 @@ def test_without_cycles_there_is_nothing_to_show():
 
 
 @pytest.mark.browser
-@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+@needs_browser
 def test_what_is_folded_is_drawn_once_it_is_opened(tmp_path: Path):
     blocks = blocks_of(
         [row(f"joint_{i}", "fourier", None, rom=5.0 + i) for i in range(MOST_SHOWN + 2)]
@@ -230,21 +228,6 @@ def test_what_is_folded_is_drawn_once_it_is_opened(tmp_path: Path):
     page = render_page(Page("t", "p", [], [], [Section("chain", "Chain", blocks)]))
     file = tmp_path / "page.html"
     file.write_text(page.replace("</body>", f"<script>{OPEN}</script></body>"), encoding="utf-8")
-    command = [
-        str(CHROMIUM),
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--no-first-run",
-        "--enable-logging=stderr",
-    ]
-    command += [
-        f"--user-data-dir={tmp_path / 'profile'}",
-        "--virtual-time-budget=15000",
-        "--dump-dom",
-        file.as_uri(),
-    ]
-    found = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
-    assert "CONSOLE" not in found.stderr, found.stderr
-    assert f'data-before="{MOST_SHOWN}"' in found.stdout
-    assert f'data-after="{MOST_SHOWN + 2}"' in found.stdout
+    drawn = browse(file, tmp_path / "profile", "--dump-dom")
+    assert f'data-before="{MOST_SHOWN}"' in drawn
+    assert f'data-after="{MOST_SHOWN + 2}"' in drawn

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import base64
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,8 +16,9 @@ from testbench.reporting.report import render, report
 from testbench.reporting.sections.motion import motion_tiles
 from tests import without_truth as made
 from tests.conftest import FakeClock
+from tests.reporting.browsing import browse, needs_browser
 from tests.reporting.conftest import Judged
-from tests.reporting.test_report import CHROMIUM, Page
+from tests.reporting.test_report import Page
 
 FIGURES = {
     "one_imu": {
@@ -131,17 +130,10 @@ def test_a_recorded_knee_has_its_figures(data: Path, tmp_path: Path):
 
 
 @pytest.mark.browser
-@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+@needs_browser
 def test_a_browser_draws_them(tmp_path: Path):
     session = made.two_dots(tmp_path)
     estimated = estimate(session)
     page = report(session, estimated, evaluate(session, estimated))
-    command = [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"]
-    command += ["--no-first-run", f"--user-data-dir={tmp_path / 'profile'}"]
-    command += ["--window-size=1000,9000", "--virtual-time-budget=15000", "--enable-logging=stderr"]
-    result = subprocess.run(
-        [*command, page.as_uri()], capture_output=True, text=True, check=False, timeout=60
-    )
-    assert "CONSOLE" not in result.stderr, result.stderr
-    assert result.stdout.count('class="main-svg"') >= 6
-    shutil.rmtree(tmp_path / "profile", ignore_errors=True)
+    drawn = browse(page, tmp_path / "profile", "--window-size=1000,9000", "--dump-dom")
+    assert drawn.count('class="main-svg"') >= 6

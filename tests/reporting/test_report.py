@@ -7,8 +7,6 @@ from __future__ import annotations
 import html
 import json
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -33,9 +31,8 @@ from testbench.reporting.sections.fit import fit_section
 from testbench.reporting.sections.joint import joint_section
 from testbench.reporting.sections.magnetic import magnetic_blocks
 from testbench.reporting.sections.orientation import orientation_section
+from tests.reporting.browsing import browse, needs_browser
 from tests.reporting.conftest import Judged, copy_of
-
-CHROMIUM = shutil.which("chromium")
 
 
 class Page(HTMLParser):
@@ -349,40 +346,20 @@ def test_sweeps_without_a_flexion_get_a_table_of_their_own(quick: Judged) -> Non
 
 
 @pytest.mark.browser
-@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+@needs_browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_browser_draws_the_figures_without_complaint(
     quick: Judged, tmp_path: Path, scheme: str
 ) -> None:
     page = report(quick.session, quick.estimate, quick.evaluation)
     picture = tmp_path / "page.png"
-    command = [
-        str(CHROMIUM),
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--disable-background-networking",
-    ]
-    command += [
-        "--disable-component-update",
-        "--disable-sync",
-        "--no-first-run",
-        f"--user-data-dir={tmp_path / 'profile'}",
-    ]
-    command += [
+    browse(
+        page,
+        tmp_path / "profile",
         f"--blink-settings=preferredColorScheme={0 if scheme == 'dark' else 1}",
-        "--hide-scrollbars",
-    ]
-    command += [
         "--window-size=1000,6000",
-        "--virtual-time-budget=15000",
-        "--enable-logging=stderr",
         f"--screenshot={picture}",
-    ]
-    result = subprocess.run(
-        [*command, page.as_uri()], capture_output=True, text=True, check=False, timeout=60
     )
-    assert "CONSOLE" not in result.stderr, result.stderr
     pixels = np.asarray(Image.open(picture).convert("RGB")).reshape(-1, 3)
     paper = (255, 255, 255) if scheme == "light" else (20, 23, 28)
     assert (pixels == paper).all(axis=1).mean() > 0.5

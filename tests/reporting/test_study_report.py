@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -27,8 +25,7 @@ from testbench.reporting.page.figures import box_plots
 from testbench.reporting.page.palette import COLOURS, ORDERED, REFERENCE, ordered_colours
 from testbench.reporting.page.tables import ratio
 from testbench.reporting.study_report import draw_curves, render_study, study_report
-
-CHROMIUM = shutil.which("chromium")
+from tests.reporting.browsing import browse, needs_browser
 
 
 @pytest.fixture
@@ -270,26 +267,9 @@ def test_boxes_are_drawn_from_their_numbers_uppermost_first():
 
 
 @pytest.mark.browser
-@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+@needs_browser
 def test_a_browser_draws_it_without_complaint(study, tmp_path: Path):
     page = study_report(study, tmp_path)
-    command = [
-        str(CHROMIUM),
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--disable-background-networking",
-        "--no-first-run",
-    ]
-    command += [
-        f"--user-data-dir={tmp_path / 'profile'}",
-        "--virtual-time-budget=10000",
-        "--enable-logging=stderr",
-        "--dump-dom",
-    ]
-    result = subprocess.run(
-        [*command, page.as_uri()], capture_output=True, text=True, check=False, timeout=60
-    )
-    assert "CONSOLE" not in result.stderr, result.stderr
-    assert 'data-drawn="all"' in result.stdout
-    assert result.stdout.count('class="trace boxes"') == 3
+    drawn = browse(page, tmp_path / "profile", "--dump-dom")
+    assert 'data-drawn="all"' in drawn
+    assert drawn.count('class="trace boxes"') == 3
