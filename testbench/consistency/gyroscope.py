@@ -154,13 +154,13 @@ def _tell_scale(looked: Looked, reading: Reading) -> None:
 
 
 def _unblurred(reading: Reading) -> float:
-    """The scale that fits best if a lever may explain what turning does not; that of a unit where
-    it fits no worse.
+    """The scale that fits best if a lever may explain what turning does not; that of a unit, of
+    rates or of time, where it fits no worse.
     """
     pair, bias = reading.pair.some(FEWER_WINDOWS), reading.bias
     best = factor_with_lever(pair, reading.scale, bias)
     left = scatter_with_lever(pair, best, bias)
-    for one in UNITS_OF_RATE:
+    for one in (*UNITS_OF_RATE, *FACTORS):
         if abs(np.log(one / best)) < BLUR:
             worse = scatter_with_lever(pair, one, bias).logs[0]
             if not is_clear(worse, left.logs[0], left.independent):

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from testbench.consistency import check_samples
 from testbench.consistency.factors import names_of_factor
 from testbench.records.session.samples import ImuSamples
-from tests.benchmarks.recordings import GRAVITY, of_arrays
+from tests.benchmarks.recordings import GRAVITY, of_arrays, simulated
 
 RATE = 100.0
 
@@ -58,3 +58,16 @@ def test_a_factor_has_no_name_but_those_that_fit():
     assert names_of_factor(1 / 12) == []
     assert names_of_factor(0.0153) == ["counts of 65.5 to a deg/s taken for deg/s"]
     assert names_of_factor(1.02 / 57.3)[0] == "deg/s taken for rad/s"
+
+
+@pytest.mark.parametrize("seed", [2, 8])
+def test_a_lever_blurs_no_factor_that_is_one_of_time(seed: int):
+    right = simulated(seed).samples
+    counts = replace(
+        right,
+        device_time_ns=right.device_time_ns // 10,
+        host_time_ns=right.host_time_ns // 10,
+    )
+    told = [one for one in check_samples([counts]) if one.code != "consistency.unchecked"]
+    assert [one.code for one in told] == ["consistency.gyr_or_time_unit"]
+    assert told[0].values["factor"] == 10
