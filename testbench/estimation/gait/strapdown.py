@@ -21,6 +21,12 @@ import numpy as np
 from numba import njit
 
 from testbench.estimation.filters.maths import tilt, turned
+from testbench.estimation.gait.strapdown_errors import (
+    carry_back,
+    carry_covariance,
+    invert_three,
+    make_symmetric,
+)
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.rotation import product
@@ -216,120 +222,6 @@ def _matrix(state: np.ndarray) -> np.ndarray:
     )
 
 
-# One piece: the loops of a product, written out for the few elements that are not 0.
-@njit(cache=True)
-def _transition(m: np.ndarray, turn: np.ndarray, h: float) -> None:
-    """P <- F P F'.
-
-    F: position by velocity, velocity by attitude (-[f x]) and the accelerometer's bias (-R),
-    attitude by the gyroscope's bias (-R).
-
-    Args:
-        m: P, shape (18, 18); updated.
-        turn: R and -[f x] side by side, shape (3, 6).
-        h: The step [s].
-    """
-    for j in range(len(m)):
-        for i in range(3):
-            m[i, j] += h * m[3 + i, j]
-        for i in range(3):
-            for k in range(3):
-                m[3 + i, j] += h * (turn[i, 3 + k] * m[6 + k, j] - turn[i, k] * m[12 + k, j])
-        for i in range(3):
-            for k in range(3):
-                m[6 + i, j] -= h * turn[i, k] * m[9 + k, j]
-    for j in range(len(m)):
-        for i in range(3):
-            m[j, i] += h * m[j, 3 + i]
-        for i in range(3):
-            for k in range(3):
-                m[j, 3 + i] += h * (turn[i, 3 + k] * m[j, 6 + k] - turn[i, k] * m[j, 12 + k])
-        for i in range(3):
-            for k in range(3):
-                m[j, 6 + i] -= h * turn[i, k] * m[j, 9 + k]
-
-
-@njit(cache=True)
-def _rows_back(m: np.ndarray, turn: np.ndarray, h: float) -> None:
-    """I <- F' I; see `_transition`.
-
-    Args:
-        m: I, shape (18, 18); updated.
-        turn: R and -[f x] side by side, shape (3, 6).
-        h: The step [s].
-    """
-    for j in range(len(m)):
-        for i in range(3):
-            for k in range(3):
-                m[9 + i, j] -= h * turn[k, i] * m[6 + k, j]
-                m[12 + i, j] -= h * turn[k, i] * m[3 + k, j]
-        for i in range(3):
-            for k in range(3):
-                m[6 + i, j] += h * turn[k, 3 + i] * m[3 + k, j]
-        for i in range(3):
-            m[3 + i, j] += h * m[i, j]
-
-
-# One piece: the loops of a product, written out for the few elements that are not 0.
-@njit(cache=True)
-def _back(costate: np.ndarray, m: np.ndarray, turn: np.ndarray, h: float) -> None:
-    """The costate before a step, F' c, and its information, F' I F; see `_transition`.
-
-    Args:
-        costate: c, shape (18,); updated.
-        m: I, shape (18, 18); updated.
-        turn: R and -[f x] side by side, shape (3, 6).
-        h: The step [s].
-    """
-    for i in range(3):
-        for k in range(3):
-            costate[9 + i] -= h * turn[k, i] * costate[6 + k]
-            costate[12 + i] -= h * turn[k, i] * costate[3 + k]
-    for i in range(3):
-        for k in range(3):
-            costate[6 + i] += h * turn[k, 3 + i] * costate[3 + k]
-    for i in range(3):
-        costate[3 + i] += h * costate[i]
-    _rows_back(m, turn, h)
-    for j in range(len(m)):
-        for i in range(3):
-            for k in range(3):
-                m[j, 9 + i] -= h * turn[k, i] * m[j, 6 + k]
-                m[j, 12 + i] -= h * turn[k, i] * m[j, 3 + k]
-        for i in range(3):
-            for k in range(3):
-                m[j, 6 + i] += h * turn[k, 3 + i] * m[j, 3 + k]
-        for i in range(3):
-            m[j, 3 + i] += h * m[j, i]
-
-
-@njit(cache=True)
-def _inverse(s: np.ndarray, out: np.ndarray) -> None:
-    """The inverse of a symmetric matrix of three rows, by its cofactors.
-
-    Args:
-        s: Shape (3, 3).
-        out: Filled, shape (3, 3).
-    """
-    for i in range(3):
-        a, b = (i + 1) % 3, (i + 2) % 3
-        for j in range(3):
-            c, d = (j + 1) % 3, (j + 2) % 3
-            out[j, i] = s[a, c] * s[b, d] - s[a, d] * s[b, c]
-    size = s[0, 0] * out[0, 0] + s[0, 1] * out[1, 0] + s[0, 2] * out[2, 0]
-    for i in range(3):
-        for j in range(3):
-            out[i, j] /= size
-
-
-@njit(cache=True)
-def _symmetric(m: np.ndarray) -> None:
-    """Make a square matrix equal to the mean of itself and its transpose, in place, (n, n)."""
-    for i in range(len(m)):
-        for j in range(i):
-            m[i, j] = m[j, i] = 0.5 * (m[i, j] + m[j, i])
-
-
 @njit(cache=True)
 def _corrected(state: np.ndarray, error: np.ndarray) -> None:
     """Add errors to a nominal state.
@@ -359,7 +251,7 @@ def _predicted(
         before: The row before it, shape (COLUMNS,).
         state: Shape (NOMINAL,); updated.
         cov: P, shape (18, 18); updated.
-        turn: Filled as for `_transition`, shape (3, 6).
+        turn: Filled as for `carry_covariance`, shape (3, 6).
     """
     h = row[6]
     first, last = _matrix(state), state[6:10]
@@ -389,7 +281,7 @@ def _predicted(
     turn[0, 4], turn[0, 5] = force[2], -force[1]
     turn[1, 3], turn[1, 5] = -force[2], force[0]
     turn[2, 3], turn[2, 4] = force[1], -force[0]
-    _transition(cov, turn, h)
+    carry_covariance(cov, turn, h)
     q_force, q_rate = UNKNOWN_FORCE**2 * h, UNKNOWN_RATE**2 * h
     if measured:
         q_force, q_rate = FORCE_NOISE**2 * h, RATE_NOISE**2 * h
@@ -426,7 +318,7 @@ def _updated(
     for i in range(3):
         for j in range(3):
             s[i, j] = cov[first + i, first + j] + (variances[i] if i == j else 0.0)
-    _inverse(s, weight)
+    invert_three(s, weight)
     for i in range(3):
         weighted[i] = weight[i, 0] * z[0] + weight[i, 1] * z[1] + weight[i, 2] * z[2]
     for i in range(len(cov)):
@@ -440,7 +332,7 @@ def _updated(
         for j in range(len(cov)):
             for k in range(3):
                 cov[i, j] -= gain[i, k] * across[k, j]
-    _symmetric(cov)
+    make_symmetric(cov)
     _corrected(state, error)
 
 
@@ -462,7 +354,7 @@ def _still(row: np.ndarray, state: np.ndarray, cov: np.ndarray, score: np.ndarra
         for i in range(3):
             for j in range(3):
                 s[i, j] = cov[3 + i, 3 + j] + (row[7] ** 2 if i == j else 0.0)
-        _inverse(s, weight)
+        invert_three(s, weight)
         for i in range(3):
             for j in range(3):
                 size += state[3 + i] * weight[i, j] * state[3 + j]
@@ -668,6 +560,6 @@ def _backward(
                 _unused(costate, information, FIRST[kind], kept)
         if start + k > 0:
             step = rows[start + k, 6]
-            _back(costate, information, turns[k], step)
-            _symmetric(information)
+            carry_back(costate, information, turns[k], step)
+            make_symmetric(information)
     return left

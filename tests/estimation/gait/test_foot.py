@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from testbench.estimation.gait import strapdown
+from testbench.estimation.gait import strapdown, strapdown_errors
 from testbench.estimation.gait.foot import FootWalk, walk_on_foot
 from testbench.estimation.gait.readings import Readings
 from testbench.estimation.gait.strides import UNKNOWN_WAY, foot_strides
@@ -150,6 +150,6 @@ def test_the_transition_is_the_derivative_of_the_strapdown_equations() -> None:
         derivative[:15, i] = np.concatenate([change[0:6], turned, change[10:16]])
     cov, turn = np.eye(strapdown.STATES), np.empty((3, 6))
     strapdown._predicted(row, before, state.copy(), np.zeros_like(cov), turn)
-    strapdown._transition(cov, turn, row[6])
+    strapdown_errors.carry_covariance(cov, turn, row[6])
     # the product of errors over one step is of the second order in it
     np.testing.assert_allclose(cov, derivative @ derivative.T, atol=2e-3)
