@@ -35,16 +35,12 @@ from testbench.reporting.sections.motion import (
     unjudged_joints,
 )
 from testbench.reporting.sections.orientation import orientation_section
+from testbench.reporting.sections.provenance import provenance_section
 from testbench.reporting.sections.recording import recording_section
-from testbench.reporting.sections.session import (
-    facts,
-    provenance_section,
-    run_section,
-    simulated_parts,
-    verdict_section,
-)
+from testbench.reporting.sections.run import facts, run_section, simulated_parts
 from testbench.reporting.sections.tiles import result_tiles
 from testbench.reporting.sections.uncertainty import uncertainty_section
+from testbench.reporting.sections.verdict import verdict_section
 
 VENDORS_FILTER = "device"
 """The orientation that a sensor computes itself; simulated sensors have an error model of it."""

@@ -23,7 +23,7 @@ from testbench.pipeline.watcher import Consent, Watcher
 from testbench.records.disk.json_file import read_json, write_json
 from testbench.records.session.session import Session
 from testbench.records.specs.robot import load_robot
-from testbench.reporting.sections.session import simulated_parts
+from testbench.reporting.sections.run import simulated_parts
 from tests.asking import run_of
 from tests.conftest import FakeClock
 from tests.drivers.trial_arm import ENTRY

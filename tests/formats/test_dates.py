@@ -21,7 +21,7 @@ from testbench.formats.dates import NO_ZONE, read_date, recorded_in_name
 from testbench.formats.options import Options
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.calibration_file import SensorCalibration
-from testbench.reporting.sections.session import facts
+from testbench.reporting.sections.run import facts
 
 
 @pytest.mark.parametrize(

@@ -17,12 +17,8 @@ from testbench.records.session.arm_record import MODEL, RECORDED_MOTION, REPORTE
 from testbench.records.session.earlier_steps import earlier_steps
 from testbench.records.session.manifest import Manifest, RunStatus
 from testbench.records.session.session import Session
-from testbench.reporting.sections.session import (
-    facts,
-    provenance_section,
-    run_section,
-    simulated_parts,
-)
+from testbench.reporting.sections.provenance import provenance_section
+from testbench.reporting.sections.run import facts, run_section, simulated_parts
 from tests.system.mutations import mutate_json
 
 SESSIONS = Path(__file__).parents[1] / "golden" / "sessions"

@@ -1,8 +1,7 @@
-"""The sections of the report on what was run, the verdict, and where the numbers come from."""
+"""The section of the report on what was run, and the pairs at the head of the page."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from datetime import datetime
 from typing import Any
 
@@ -10,8 +9,8 @@ import numpy as np
 
 from testbench.clock import utc_shown
 from testbench.frames import NANOSECONDS
-from testbench.records.results.evaluation import Evaluation, Metric
-from testbench.records.session.manifest import CheckRecord, EnvironmentRecord, Manifest
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.manifest import EnvironmentRecord, Manifest
 from testbench.records.session.session import Session
 from testbench.records.specs.strict import Placement
 from testbench.reporting.page.page import Block, Section, Sentence
@@ -20,7 +19,6 @@ from testbench.reporting.page.tables import (
     Cell,
     Row,
     Table,
-    digits,
     header,
     label,
     number,
@@ -28,42 +26,11 @@ from testbench.reporting.page.tables import (
     vector,
 )
 from testbench.reporting.sections.findings import finding_sentences
-from testbench.reporting.sections.ranking import plus_minus
 
-SHOWN = {
-    "schema_version",
-    "session",
-    "status",
-    "started_utc",
-    "clocks",
-    "software",
-    "sensors",
-    "analysis",
-    "kind",
-    "seed",
-    "protocol",
-    "robot",
-    "plan",
-    "message",
-    "duration_s",
-    "files",
-    "arm",
-    "recorded_utc",
-    "recorded_by",
-    "environment",
-}
-"""Entries of the manifest that have a place of their own."""
 DATES = {"run": "Started", "import": "Imported", "recording": "Recorded"}
 """What the date of a session is, by its kind; an import is dated when it was made, for its files
 need not say.
 """
-NOT_EVALUATED = "This session has not been evaluated: there is nothing to judge yet."
-WALK_ALONE = (
-    "The walk of this session is reported below, and judged there by what was typed of it; its "
-    "orientations have not been evaluated."
-)
-SAID_BELOW = {"cycles.none_found"}
-"""Findings that stand in place of the figures they are the lack of."""
 NO_ROBOT = {"import": "none: an imported recording", "recording": "none: devices recorded alone"}
 
 
@@ -327,230 +294,3 @@ def _sections(session: Session) -> Table:
         "How to read: calibration fits sensor errors, reference aligns the frames, evaluation is "
         "judged.",
     )
-
-
-def verdict_section(evaluation: Evaluation | None, walked: bool = False) -> Section:
-    """Metrics that have limits, then the others.
-
-    Args:
-        evaluation: Of the session, or None.
-        walked: Whether a walk was found in it, which is reported without an evaluation.
-    """
-    section = Section("verdict", "Verdict")
-    if evaluation is None:
-        section.blocks.append(Sentence(WALK_ALONE if walked else NOT_EVALUATED))
-        return section
-    judged = [metric for metric in evaluation.metrics if metric.outcome is not None]
-    others = [metric for metric in evaluation.metrics if metric.outcome is None]
-    if judged:
-        section.blocks.append(
-            _metrics(
-                "Metrics with limits",
-                judged,
-                "How to read: pass keeps the limit even if the truth is off by U (its expanded "
-                "uncertainty, k = 2); fail breaks it even then; marginal lies between, or keeps it "
-                "with less to spare than the protocol wants, or keeps it while U cannot be stated, "
-                "and then its meaning says why; not measured could not be taken. The worst of them "
-                "is the verdict on the sensors. It says nothing about the bench. The 95 % "
-                "confidence interval comes from this session's own scatter.",
-            )
-        )
-    else:
-        section.blocks.append(Sentence("No limits were stated, so nothing is passed or failed."))
-    if others:
-        section.blocks.append(
-            _metrics(
-                "Metrics without a limit",
-                others,
-                "How to read: for information; no limit was set for them.",
-                limits=False,
-            )
-        )
-    section.blocks += finding_sentences(
-        own for own in evaluation.findings if own.code not in SAID_BELOW
-    )
-    return section
-
-
-def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True) -> Table:
-    rows = []
-    for metric in metrics:
-        cells = [
-            label(metric.name),
-            *(text(value) for value in (metric.filter, metric.sequence, metric.section)),
-        ]
-        cells += [
-            plus_minus(metric.value, metric.expanded_uncertainty),
-            _interval(metric),
-            text(metric.unit),
-        ]
-        if limits and metric.outcome is not None:
-            cells += [
-                text(_limits(metric), kind="limit"),
-                Cell(metric.outcome.words, kind=f"badge {metric.outcome.value}"),
-            ]
-        lacking = f" (no U: {metric.no_uncertainty})" if metric.no_uncertainty else ""
-        rows.append(Row([*cells, text(metric.meaning + lacking, kind="wide")]))
-    titles = ["metric", "filter", "sequence", "section"]
-    columns = [
-        *(Cell(title) for title in titles),
-        Cell("value ± U", kind="number"),
-        Cell("95 % CI", kind="number"),
-        Cell("unit"),
-    ]
-    columns += [Cell("limit"), Cell("outcome")] if limits else []
-    return Table(caption, [*columns, Cell("meaning")], rows, how, folded=not limits)
-
-
-def _interval(metric: Metric) -> Cell:
-    if metric.ci95 is None:
-        return number(None)
-    return Cell(f"[{digits(metric.ci95[0], 3)}, {digits(metric.ci95[1], 3)}]", kind="number")
-
-
-def _limits(metric: Metric) -> str:
-    if metric.lower is not None and metric.upper is not None:
-        return f"{metric.lower:g} to {metric.upper:g}"
-    return f"≥ {metric.lower:g}" if metric.lower is not None else f"≤ {metric.upper:g}"
-
-
-def provenance_section(session: Session) -> Section:
-    """Quality of the recording, and what would be needed to repeat it."""
-    manifest = session.manifest
-    blocks: list[Block] = [_quality(session)]
-    if manifest.plan.check.joints:
-        blocks.append(_joint_use(manifest.plan.check))
-    status = "status of the bench" if session.has_protocol else "status"
-    entries = [
-        (status, session.status.value),
-        ("kind", manifest.kind),
-        ("seed", manifest.seed),
-    ]
-    entries += [("SHA-256 of the plan", manifest.plan.hash)]
-    entries += [(f"version of {name}", version) for name, version in manifest.software.items()]
-    entries += list(
-        _scalars({key: value for key, value in manifest.content.items() if key not in SHOWN})
-    )
-    blocks.append(_pairs("Provenance", entries, f"How to read: {_repeatable(session)}.", False))
-    files = list(manifest.files.items())
-    if files:
-        blocks.append(
-            _pairs(
-                "SHA-256 of the raw files",
-                files,
-                "How to read: a file whose hash differs was changed later.",
-                True,
-            )
-        )
-    return Section("provenance", "Quality and provenance", blocks)
-
-
-def _repeatable(session: Session) -> str:
-    """What gives the same raw files again."""
-    if session.manifest.kind == "import":
-        return (
-            "the same files, options and versions give the same session; the files themselves are "
-            "not in it"
-        )
-    if session.has_protocol and "arm" in session.simulated:
-        return "the same plan, seed and versions give the same raw files, bit by bit"
-    return (
-        "what real devices measured cannot be measured again; the versions are of the software "
-        "that wrote it down"
-    )
-
-
-def _quality(session: Session) -> Table:
-    rows = []
-    for name in session.sensor_names:
-        n = session.sample_count(name)
-        steps = np.diff(session.imu_column(name, "counter"))
-        lost = int(np.sum(steps[steps > 0] - 1)) if n else 0
-        ends = [
-            session.imu_column(name, "device_time_ns", row, row + 1) for row in (0, max(n - 1, 0))
-        ]
-        span = float(ends[1][0] - ends[0][0]) / NANOSECONDS if n > 1 else 0.0
-        rate = float(np.sum(steps[steps > 0])) / span if span > 0 else None
-        saturated = int(session.imu_column(name, "saturated").sum())
-        rows.append(
-            Row(
-                [
-                    label(name),
-                    number(n, 0),
-                    number(rate, 3),
-                    number(lost, 0),
-                    number(100 * lost / max(n + lost, 1), 2),
-                    number(saturated, 0),
-                ]
-            )
-        )
-    return Table(
-        "Quality of the recording",
-        header(
-            "sensor",
-            "samples",
-            "rate by its own clock [Hz]",
-            "samples lost",
-            "lost [%]",
-            "samples at full scale",
-        ),
-        rows,
-        "How to read: lost samples are gaps of the sensor's counter; a sample at full scale is "
-        "wrong in at least one axis.",
-    )
-
-
-def _joint_use(check: CheckRecord) -> Table:
-    rows = [
-        Row(
-            [
-                label(use.joint),
-                number(use.lowest_deg, 1),
-                number(use.highest_deg, 1),
-                number(use.peak_speed_deg_s, 1),
-                number(100 * use.peak_speed_deg_s / use.speed_limit_deg_s, 0),
-                number(use.peak_acceleration_deg_s2, 0),
-                number(100 * use.peak_acceleration_deg_s2 / use.acceleration_limit_deg_s2, 0),
-            ]
-        )
-        for use in check.joints
-    ]
-    how = "How to read: as planned, before anything moved; 100 % is the limit in the robot file."
-    near = check.clearance
-    if near:
-        how += (
-            f" The smallest clearance was {digits(near.distance_mm, 1)} mm, between {near.first} "
-            f"and {near.second} at {digits(near.time_s, 1)} s."
-        )
-    return Table(
-        "What the plan asked of the arm",
-        header(
-            "joint",
-            "lowest [deg]",
-            "highest [deg]",
-            "peak speed [deg/s]",
-            "of limit [%]",
-            "peak acceleration [deg/s²]",
-            "of limit [%]",
-        ),
-        rows,
-        how,
-        folded=True,
-    )
-
-
-def _pairs(caption: str, entries: Iterable[tuple[str, Any]], how: str, folded: bool) -> Table:
-    rows = [
-        Row([label(name), Cell(str(value), kind="code")])
-        for name, value in entries
-        if value not in (None, "")
-    ]
-    return Table(caption, [Cell("entry"), Cell("value")], rows, how, folded=folded)
-
-
-def _scalars(data: dict[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
-    for key, value in data.items():
-        if isinstance(value, dict):
-            yield from _scalars(value, f"{prefix}{key}.")
-        elif not isinstance(value, list):
-            yield f"{prefix}{key}", value

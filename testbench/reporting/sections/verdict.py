@@ -1,0 +1,110 @@
+"""The section of the report that judges."""
+
+from __future__ import annotations
+
+from testbench.records.results.evaluation import Evaluation, Metric
+from testbench.reporting.page.page import Section, Sentence
+from testbench.reporting.page.tables import (
+    Cell,
+    Row,
+    Table,
+    digits,
+    label,
+    number,
+    text,
+)
+from testbench.reporting.sections.findings import finding_sentences
+from testbench.reporting.sections.ranking import plus_minus
+
+NOT_EVALUATED = "This session has not been evaluated: there is nothing to judge yet."
+WALK_ALONE = (
+    "The walk of this session is reported below, and judged there by what was typed of it; its "
+    "orientations have not been evaluated."
+)
+SAID_BELOW = {"cycles.none_found"}
+"""Findings that stand in place of the figures they are the lack of."""
+
+
+def verdict_section(evaluation: Evaluation | None, walked: bool = False) -> Section:
+    """Metrics that have limits, then the others.
+
+    Args:
+        evaluation: Of the session, or None.
+        walked: Whether a walk was found in it, which is reported without an evaluation.
+    """
+    section = Section("verdict", "Verdict")
+    if evaluation is None:
+        section.blocks.append(Sentence(WALK_ALONE if walked else NOT_EVALUATED))
+        return section
+    judged = [metric for metric in evaluation.metrics if metric.outcome is not None]
+    others = [metric for metric in evaluation.metrics if metric.outcome is None]
+    if judged:
+        section.blocks.append(
+            _metrics(
+                "Metrics with limits",
+                judged,
+                "How to read: pass keeps the limit even if the truth is off by U (its expanded "
+                "uncertainty, k = 2); fail breaks it even then; marginal lies between, or keeps it "
+                "with less to spare than the protocol wants, or keeps it while U cannot be stated, "
+                "and then its meaning says why; not measured could not be taken. The worst of them "
+                "is the verdict on the sensors. It says nothing about the bench. The 95 % "
+                "confidence interval comes from this session's own scatter.",
+            )
+        )
+    else:
+        section.blocks.append(Sentence("No limits were stated, so nothing is passed or failed."))
+    if others:
+        section.blocks.append(
+            _metrics(
+                "Metrics without a limit",
+                others,
+                "How to read: for information; no limit was set for them.",
+                limits=False,
+            )
+        )
+    section.blocks += finding_sentences(
+        own for own in evaluation.findings if own.code not in SAID_BELOW
+    )
+    return section
+
+
+def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True) -> Table:
+    rows = []
+    for metric in metrics:
+        cells = [
+            label(metric.name),
+            *(text(value) for value in (metric.filter, metric.sequence, metric.section)),
+        ]
+        cells += [
+            plus_minus(metric.value, metric.expanded_uncertainty),
+            _interval(metric),
+            text(metric.unit),
+        ]
+        if limits and metric.outcome is not None:
+            cells += [
+                text(_limits(metric), kind="limit"),
+                Cell(metric.outcome.words, kind=f"badge {metric.outcome.value}"),
+            ]
+        lacking = f" (no U: {metric.no_uncertainty})" if metric.no_uncertainty else ""
+        rows.append(Row([*cells, text(metric.meaning + lacking, kind="wide")]))
+    titles = ["metric", "filter", "sequence", "section"]
+    columns = [
+        *(Cell(title) for title in titles),
+        Cell("value ± U", kind="number"),
+        Cell("95 % CI", kind="number"),
+        Cell("unit"),
+    ]
+    columns += [Cell("limit"), Cell("outcome")] if limits else []
+    return Table(caption, [*columns, Cell("meaning")], rows, how, folded=not limits)
+
+
+def _interval(metric: Metric) -> Cell:
+    if metric.ci95 is None:
+        return number(None)
+    return Cell(f"[{digits(metric.ci95[0], 3)}, {digits(metric.ci95[1], 3)}]", kind="number")
+
+
+def _limits(metric: Metric) -> str:
+    if metric.lower is not None and metric.upper is not None:
+        return f"{metric.lower:g} to {metric.upper:g}"
+    return f"≥ {metric.lower:g}" if metric.lower is not None else f"≤ {metric.upper:g}"
