@@ -101,6 +101,11 @@ def _joint_budget(
 ) -> UncertaintyBudget:
     aligned = session.analysis.estimate.align
     counted = [rows for _, rows in judged]
+    if errors.clock is not None:
+        motion = judged_motion(errors.time_ns, errors.reference, counted)
+        clock = clock_source("the joint", errors.clock, motion)
+        lines = [] if clock is None else [clock]
+        return combine(errors.name, "flexion", section, lines, [UNKNOWN_TRUTH])
     ends = (errors.joint.proximal, errors.joint.distal)
     clocks, missing = _clocks(
         estimate,
@@ -147,6 +152,8 @@ def flexion_clock_sd(estimate: Estimate, errors: JointErrors) -> float:
     """Standard uncertainty of a flexion's time [s]: of its sensors' clocks, by how much each of
     them makes it turn.
     """
+    if errors.clock is not None:
+        return float(np.nan_to_num(errors.clock.offset_sd_s))
     rates = np.gradient(errors.turned, errors.time_ns / NANOSECONDS, axis=0)
     moved = np.nanmean(rates[np.concatenate([rows for _, rows in errors.steps])] ** 2, axis=0)
     clocks = [
