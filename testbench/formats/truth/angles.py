@@ -44,55 +44,77 @@ def give_angles(
     by_joint: dict[str, list[Chosen]] = {}
     for own in chosen:
         by_joint.setdefault(own.joint, []).append(own)
-    unstated = 0.0
+    columns = [own for columns in by_joint.values() for own in columns]
+    units = _units(table, columns, answered, recording.findings)
     fresh = np.diff(table.time_ns, prepend=table.time_ns[:1] - 1) > 0
     for name, columns in by_joint.items():
         angles = np.full((len(table.time_ns), 3), np.nan)
         for own in columns:
-            values = table.columns[own.column]
-            unit = answered or table.unit_of(own.column)
-            unstated = unstated if unit else max(unstated, _largest(values))
-            angles[:, own.place] = own.sign * _radians(own, values, unit)
+            angles[:, own.place] = own.sign * _radians(own, table.columns[own.column], units)
         where, told = f"joint '{name}'", [str(own) for own in columns]
         recording.findings.append(
             finding("truth.angles", where, system=table.system, rows=len(angles), columns=told)
         )
         recording.findings += _lost(where, columns, table.time_ns, angles)
-        source = f"{table.system}: {', '.join(told)}"
         true = TrueAngles(table.time_ns[fresh], angles[fresh])
+        source = f"{table.system}: {', '.join(told)}"
         own_record = record.model_copy(update={"truth": source})
         recording.angles[name] = ImportedAngles(true, own_record)
-    if unstated:
-        recording.findings.append(finding("truth.joint_degrees", largest=unstated))
     recording.findings += table.findings
 
 
-def _radians(own: Chosen, values: np.ndarray, unit: AngleUnit | None) -> np.ndarray:
+def _units(
+    table: AngleTable,
+    chosen: list[Chosen],
+    answered: AngleUnit | None,
+    findings: list[Finding],
+) -> dict[str, AngleUnit]:
+    """The unit of each column: as answered, else as the file states it, else by the size of all.
+
+    Args:
+        table: The truth.
+        chosen: The columns.
+        answered: Unit that a person stated.
+        findings: What was noticed; is added to.
+
+    Raises:
+        InputError: It is open.
+    """
+    stated = {own.column: answered or table.unit_of(own.column) for own in chosen}
+    unstated = [column for column, unit in stated.items() if unit is None]
+    if unstated:
+        largest = max(_largest(table.columns[column]) for column in unstated)
+        if largest <= FARTHEST_RAD:
+            raise InputError(
+                f"is the truth {', '.join(unstated)} in degrees or radians (the largest is "
+                f"{largest:.4g})? Answer with --joint-unit deg|rad, or with `unit` of "
+                "`truth_angles` in the mapping"
+            )
+        findings.append(finding("truth.joint_degrees", largest=largest))
+    return {column: unit or "deg" for column, unit in stated.items()}
+
+
+def _radians(own: Chosen, values: np.ndarray, units: dict[str, AngleUnit]) -> np.ndarray:
     """A column in radians, if it can be an angle of a joint.
 
     Args:
         own: The column.
         values: As in the file, shape (n,).
-        unit: Of these, None where nobody states it.
+        units: By column.
 
     Raises:
-        InputError: It cannot, or its unit is open.
+        InputError: It cannot.
     """
-    known, largest = int(np.isfinite(values).sum()), _largest(values)
+    known, largest, unit = int(np.isfinite(values).sum()), _largest(values), units[own.column]
     if known < LEAST_ROWS:
         raise InputError(f"the truth {own} has {known} known rows; {LEAST_ROWS} are needed")
-    if unit is None and largest <= FARTHEST_RAD:
-        raise InputError(
-            f"is the truth {own} in degrees or radians (its largest is {largest:.4g})? Answer "
-            "with --joint-unit deg|rad, or with `unit` of `truth_angles` in the mapping"
-        )
     factor = 1.0 if unit == "rad" else np.pi / 180
     if largest * factor <= FARTHEST_RAD:
         return np.asarray(values * factor)
     told = "; if they are degrees, state --joint-unit deg" if unit == "rad" else ""
     raise InputError(
-        f"the truth {own} goes up to {largest:.4g} {unit or 'deg'}, and no joint of a body turns "
-        f"so far{told}"
+        f"the truth {own} goes up to {largest:.4g} {unit}, and no joint of a body turns so far"
+        f"{told}"
     )
 
 
