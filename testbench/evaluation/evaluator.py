@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.evaluation.angle_errors import angle_error_rows, convention_findings
 from testbench.evaluation.arm_time import arm_findings
 from testbench.evaluation.budgets import TrueArm, flexion_clock_sd, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
@@ -36,7 +37,6 @@ from testbench.evaluation.orientation import (
     sweep_rows,
 )
 from testbench.evaluation.outliers import outlier_rows
-from testbench.evaluation.true_angles import angle_error_rows, convention_findings
 from testbench.evaluation.unjudged import (
     FoundCycle,
     found_cycle_tables,

@@ -12,7 +12,7 @@ from testbench.evaluation.dynamics import amplitude_and_frequency, angle_delay, 
 from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.left_out import left_out
 from testbench.evaluation.metrics import Summary, correlation, summarise_each
-from testbench.evaluation.true_angles import LEAST_GIMBAL_MARGIN, told_angles
+from testbench.evaluation.true_angles import told_angles
 from testbench.evaluation.turning import turned_by_sensor
 from testbench.model import rotation
 from testbench.model.joint_angle import (
@@ -41,6 +41,10 @@ COVERED = 1.96
 """Standard uncertainties to either side that hold 95 % of normal errors."""
 WHOLE = "recording"
 """The section and step that a recording without a protocol is judged as."""
+LEAST_GIMBAL_MARGIN = np.radians(1.0)
+"""Nearer than this to where it stops being defined (gimbal lock), an angle beside the flexion is
+not judged [rad].
+"""
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
+from testbench.evaluation.angle_errors import angle_error_rows, convention_findings
 from testbench.evaluation.flexion import JointErrors
-from testbench.evaluation.true_angles import (
-    angle_error_rows,
-    convention_findings,
-    told_angles,
-)
+from testbench.evaluation.true_angles import told_angles
 from testbench.model.joint_angle import decomposition_of
 from testbench.records.results.estimate import ClockFit, JointEstimate
 from testbench.records.session.plan import PlannedStep
