@@ -306,7 +306,10 @@ class AngleColumns(StrictModel):
         default=False, description="Whether its times are on the clock of the samples."
     )
     offset_s: float | None = Field(
-        default=None, description="Added to its times; left out: found by the motion."
+        default=None,
+        ge=-1e9,
+        le=1e9,
+        description="Added to its times; left out: found by the motion.",
     )
     joints: dict[Name, dict[str, str]] = Field(
         min_length=1,

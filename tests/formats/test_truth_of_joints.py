@@ -191,6 +191,8 @@ def test_a_stated_offset_is_added_and_kept(load, mot):
         ({"bend": FLEXION}, "yes", {"dwell": 2.0}, r"--dwell: has no effect on a truth of joint"),
         ({"bend": FLEXION}, "yes", {"joint": ""}, r"has no joint: name one with --joint"),
         ({"bend": FLEXION}, "yes", {"time_unit": "ms"}, r"--truth-time-unit has no effect"),
+        ({"bend": FLEXION}, "yes", {"rate": 0.0}, r"--truth-rate 0: a rate lies between"),
+        ({"bend": FLEXION}, "yes", {"offset": np.nan}, r"--truth-offset nan: no log begins"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_sentence(load, mot, columns, degrees, options, message):
@@ -212,3 +214,23 @@ def test_a_damaged_motion_file_is_refused(tmp_path, load, text, message):
     (tmp_path / "walk.mot").write_text(text)
     with pytest.raises(FileProblems, match=message):
         load(tmp_path / "walk.mot")
+
+
+def test_columns_may_be_apart_by_blanks_and_a_rate_takes_the_place_of_times(tmp_path, load):
+    lines = [f"{t:8.3f}   {f:10.6f}" for t, f in zip(TIME, FLEXION, strict=True)]
+    head = "Coordinates\ninDegrees=yes\nendheader\n    time   knee_angle_r\n"
+    (tmp_path / "walk.mot").write_text(head + "\n".join(lines) + "\n")
+    check(load(tmp_path / "walk.mot"), FLEXION, None, None)
+    slow = load(tmp_path / "walk.mot", rate=50.0).true_angles("knee_r")
+    assert slow.host_time_ns[-1] == 599 * 20_000_000
+
+
+def test_a_word_in_a_column_that_is_asked_for_is_named_by_its_line(tmp_path, load, table):
+    columns = {"time_s": TIME, "knee_r_deg": FLEXION, "note_deg": FLEXION}
+    file = table("angles.csv", columns)
+    rows = file.read_text().splitlines()
+    rows[51] = rows[51].rpartition(",")[0] + ",lost"
+    file.write_text("\n".join(rows))
+    check(load(file), FLEXION, None, None)
+    with pytest.raises(FileProblems, match=r"angles\.csv:52: 'lost' in the column note_deg"):
+        load(file, angles={"knee_r.flexion": "note_deg"})

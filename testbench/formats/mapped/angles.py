@@ -48,7 +48,7 @@ def give_mapped_angles(
     }
     table = _table(recording, place, files, spec)
     try:
-        chosen = stated_angles(stated, joints, table.columns, KEY)
+        chosen = stated_angles(stated, joints, table.titles, KEY)
     except (InputError, NotFoundError) as error:
         raise place.problem(str(error), "joints") from None
     later, said = later_than_samples_ns(recording, table.unix_ns, int(table.time_ns[-1]))

@@ -143,7 +143,7 @@ def guessed_angles(joints: Mapping[str, BodyJoint], table: AngleTable) -> list[C
         table: The truth.
     """
     titles: dict[str, list[str]] = {}
-    for title in table.columns:
+    for title in table.titles:
         titles.setdefault(plain_title(title), []).append(title)
     alone = {plain: own[0] for plain, own in titles.items() if len(own) == 1}
     found = []
@@ -204,7 +204,7 @@ def _side(name: str, joint: BodyJoint, isb: IsbAngles, table: AngleTable) -> Sid
 def _sides_of(kind: JointKind, table: AngleTable) -> set[Side]:
     """Sides of which a file has angles of some joint of the body."""
     found: set[Side] = set()
-    for title in map(plain_title, table.columns):
+    for title in map(plain_title, table.titles):
         point = re.match(rf"([lr]){kind}angles\b", title)
         ending = re.match(rf"{kind}_\w+_([lr])$", title)
         said = point or ending

@@ -40,6 +40,7 @@ class AngleTable:
         system: Kind of the file, for people.
         time_ns: From the first row, or host time of the samples; shape (n,), int64, increasing.
         columns: As in the file, by title, shape (n,) each; NaN where unknown.
+        broken: Columns that cannot be read as numbers, and why.
         unit: Of all, where the file states one.
         unix_ns: Unix time of the first row, where its times are such [ns].
         model: Of OpenSim, whose coordinates they are, where the file says so.
@@ -49,10 +50,26 @@ class AngleTable:
     system: str
     time_ns: np.ndarray
     columns: dict[str, np.ndarray]
+    broken: dict[str, FileProblems] = field(default_factory=dict)
     unit: AngleUnit | None = None
     unix_ns: int | None = None
     model: str = ""
     findings: list[Finding] = field(default_factory=list)
+
+    @property
+    def titles(self) -> list[str]:
+        """Of all columns."""
+        return [*self.columns, *self.broken]
+
+    def values(self, title: str) -> np.ndarray:
+        """A column, shape (n,).
+
+        Raises:
+            FileProblems: It cannot be read as numbers; names the line.
+        """
+        if title in self.broken:
+            raise self.broken[title]
+        return self.columns[title]
 
     def unit_of(self, title: str) -> AngleUnit | None:
         """The unit of a column by its title, else that of all."""
@@ -107,7 +124,7 @@ def read_angles(
             message = "holds no angles: none of its points is listed in POINT:ANGLES"
             raise FileProblems(file, [Problem(message)])
         times = frame_times(len(found.values), rate or found.rate)
-        return AngleTable("C3D", times, found.columns(), found.unit)
+        return AngleTable("C3D", times, found.columns(), unit=found.unit)
     if file.suffix.lower() in (".mot", ".sto"):
         return _coordinates(file, rate)
     return _of_table(file, titles, rate, time_unit)
@@ -140,7 +157,7 @@ def _coordinates(file: Path, rate: float | None) -> AngleTable:
     stated = header.get("indegrees", "").lower()
     unit: AngleUnit | None = {"yes": "deg", "no": "rad"}.get(stated)  # type: ignore[assignment]
     columns = {name: rows[:, i] for i, name in enumerate(names) if i}
-    return AngleTable(OPENSIM, times, columns, unit, model=header.get("coordinates", ""))
+    return AngleTable(OPENSIM, times, columns, unit=unit, model=header.get("coordinates", ""))
 
 
 def _is_end(line: str) -> bool:
@@ -181,9 +198,10 @@ def angles_of(
         origin_ns: Time at which host time is zero [ns]; None for that of the first row.
     """
     time_columns = set(stamps.timeline().kinds)
-    wanted = [title for title in titles if title not in time_columns and _is_numbers(table, title)]
+    broken = _broken(table, [title for title in titles if title not in time_columns])
+    wanted = [own for own in titles if own not in time_columns and own not in broken]
     if not wanted:
-        raise table.problem("there is no column of numbers beside the times")
+        raise next(iter(broken.values()), table.problem("there is no column beside the times"))
     kinds: dict[str, Kind] = dict.fromkeys(wanted, "float")
 
     def convert(columns: Columns) -> Quantities:
@@ -194,11 +212,22 @@ def angles_of(
     findings = [*stamps.findings, *stream.findings()]
     unix = stream.first_time_ns() if stamps.unix else None
     own = {title: values[:, i] for i, title in enumerate(wanted)}
-    return AngleTable("table", time, own, unix_ns=unix, findings=findings)
+    return AngleTable("table", time, own, broken, unix_ns=unix, findings=findings)
 
 
-def _is_numbers(table: Source, title: str) -> bool:
+def _broken(table: Source, titles: list[str]) -> dict[str, FileProblems]:
+    """Columns that cannot be read as numbers, and why."""
+    if not titles or _problem(table, titles) is None:
+        return {}
+    found = {title: _problem(table, [title]) for title in dict.fromkeys(titles)}
+    return {title: problem for title, problem in found.items() if problem is not None}
+
+
+def _problem(table: Source, titles: list[str]) -> FileProblems | None:
+    """Why columns cannot be read as numbers."""
     try:
-        return any(np.isfinite(own[title]).any() for own in table.chunks({title: "float"}))
-    except FileProblems:
-        return False
+        for _ in table.chunks(dict.fromkeys(titles, "float")):
+            pass
+    except FileProblems as error:
+        return error
+    return None

@@ -50,7 +50,7 @@ def give_angles(
     for name, columns in by_joint.items():
         angles = np.full((len(table.time_ns), 3), np.nan)
         for own in columns:
-            angles[:, own.place] = own.sign * _radians(own, table.columns[own.column], units)
+            angles[:, own.place] = own.sign * _radians(own, table.values(own.column), units)
         where, told = f"joint '{name}'", [str(own) for own in columns]
         recording.findings.append(
             finding("truth.angles", where, system=table.system, rows=len(angles), columns=told)
@@ -83,7 +83,7 @@ def _units(
     stated = {own.column: answered or table.unit_of(own.column) for own in chosen}
     unstated = [column for column, unit in stated.items() if unit is None]
     if unstated:
-        largest = max(_largest(table.columns[column]) for column in unstated)
+        largest = max(_largest(table.values(column)) for column in unstated)
         if largest <= FARTHEST_RAD:
             raise InputError(
                 f"is the truth {', '.join(unstated)} in degrees or radians (the largest is "

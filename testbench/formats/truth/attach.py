@@ -13,14 +13,14 @@ import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.formats.recording import Recording
-from testbench.formats.stamps import Stamps
+from testbench.formats.stamps import LOWEST_OF_TRUTH_HZ, Stamps
 from testbench.formats.tables.binary_kinds import PARQUET, binary_kind
 from testbench.formats.tables.recognise import find_sensors
 from testbench.formats.tables.ros_bag import is_bag, open_bag
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
 from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import TextTable, find_table, head_of
-from testbench.formats.tables.timeline import RegularTime
+from testbench.formats.tables.timeline import LATEST_NS, RegularTime
 from testbench.formats.truth.angle_names import guessed_angles, stated_angles
 from testbench.formats.truth.angle_table import AngleUnit, is_coordinates, read_angles
 from testbench.formats.truth.angles import give_angles
@@ -45,6 +45,8 @@ from testbench.records.specs.protocol import Analysis
 from testbench.records.specs.robot import load_robot
 from testbench.records.specs.strict import Placement
 
+HIGHEST_OF_TRUTH_HZ = 100_000.0
+"""As of samples: no log is faster [Hz]."""
 _POSES = re.compile(
     r"(quat\w*|\bq|orientation\w*)[\s_.\[(]*[wxyz0]|^\W*time\W.*\b[wW]\b", re.IGNORECASE
 )
@@ -88,6 +90,13 @@ class TruthOptions:
     angles: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if self.rate is not None and not LOWEST_OF_TRUTH_HZ <= self.rate <= HIGHEST_OF_TRUTH_HZ:
+            raise InputError(
+                f"--truth-rate {self.rate:g}: a rate lies between {LOWEST_OF_TRUTH_HZ:g} and "
+                f"{HIGHEST_OF_TRUTH_HZ:g} Hz"
+            )
+        if self.offset is not None and not abs(self.offset) * NANOSECONDS <= LATEST_NS:
+            raise InputError(f"--truth-offset {self.offset:g}: no log begins so much later")
         if self.time_unit is not None:
             self.time_unit = find_unit("time", self.time_unit).name
 
@@ -162,6 +171,8 @@ def _from_angles(recording: Recording, options: TruthOptions) -> None:
     given = [flag for flag, used in alien.items() if used]
     if given:
         raise InputError(f"{', '.join(given)}: has no effect on a truth of joint angles")
+    if is_bag(options.file):
+        raise InputError(f"{options.file} is a bag of ROS, which has no column for --truth-angle")
     body = recording.analysis.body
     if body is None or not body.joints:
         raise InputError(
@@ -172,12 +183,12 @@ def _from_angles(recording: Recording, options: TruthOptions) -> None:
     table = read_angles(options.file, titles, options.rate, options.time_unit)
     flag = "--truth-angle"
     chosen = (
-        stated_angles(options.angles, body.joints, table.columns, flag)
+        stated_angles(options.angles, body.joints, table.titles, flag)
         if options.angles
         else guessed_angles(body.joints, table)
     )
     if not chosen:
-        listing = ", ".join(list(table.columns)[:LISTED])
+        listing = ", ".join(table.titles[:LISTED])
         raise InputError(
             f"{options.file}: which of its columns are angles of {', '.join(body.joints)}? Answer "
             f"with {flag} JOINT.ANGLE=COLUMN, such as knee.flexion=knee_angle_r; it has {listing}"
