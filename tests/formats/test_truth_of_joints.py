@@ -234,3 +234,16 @@ def test_a_word_in_a_column_that_is_asked_for_is_named_by_its_line(tmp_path, loa
     check(load(file), FLEXION, None, None)
     with pytest.raises(FileProblems, match=r"angles\.csv:52: 'lost' in the column note_deg"):
         load(file, angles={"knee_r.flexion": "note_deg"})
+
+
+def test_a_motion_file_of_opensims_own_writer_is_read(tmp_path, load):
+    opensim = pytest.importorskip("opensim")
+    opensim.Logger.setLevelString("Error")
+    own = opensim.TimeSeriesTable()
+    own.setColumnLabels(["hip_flexion_r", "knee_angle_r"])
+    for t, row in zip(TIME.tolist(), FLEXION.tolist(), strict=True):
+        own.appendRow(t, opensim.RowVector([0.0, row]))
+    own.addTableMetaDataString("inDegrees", "yes")
+    for name in ("walk.mot", "walk.sto"):
+        opensim.STOFileAdapter.write(own, str(tmp_path / name))
+        check(load(tmp_path / name), FLEXION, None, None)

@@ -160,6 +160,7 @@ def test_columns_of_a_mapping_judge_the_angle_that_they_are(walked, same):
     check(walked, found, angles=1)
     assert session.manifest.true_angles["knee_r"].same_clock == (same == "true")
     assert not [row for row in found.ranking if row.sequence is None]  # of one angle: no total
+    assert "Errors of ankle_r by angle" in render(session, Estimate.load(session.path), found)
 
 
 def test_empty_rows_are_not_judged(walked):
