@@ -81,7 +81,7 @@ TruthOption = Annotated[
     Path | None,
     _of_truth(
         "--truth",
-        help="A robot's joint log or poses, orientations, markers or rigid bodies.",
+        help="A robot's joint log or poses, orientations, markers, rigid bodies, or joint angles.",
     ),
 ]
 RobotOption = Annotated[
@@ -167,6 +167,15 @@ TruthClusterOption = Annotated[
         "--truth-cluster",
         metavar="SENSOR=M1,M2,M3",
         help="Markers that carry a sensor, three or more; or SENSOR=BODY, a rigid body.",
+    ),
+]
+TruthAngleOption = Annotated[
+    list[str] | None,
+    _of_truth(
+        "--truth-angle",
+        metavar="JOINT.ANGLE=COLUMN",
+        help="Column that is an angle of a joint, e.g. knee.flexion=knee_angle_r; -COLUMN turns "
+        "its sign. Default: by its name.",
     ),
 ]
 JointOption = Annotated[

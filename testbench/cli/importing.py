@@ -28,6 +28,7 @@ from testbench.cli.import_options import (
     SegmentOption,
     SequenceOption,
     StandingOption,
+    TruthAngleOption,
     TruthClusterOption,
     TruthOffsetOption,
     TruthOption,
@@ -88,6 +89,7 @@ def import_files(
     truth_time_unit: TruthTimeUnitOption = None,
     joint_unit: JointUnitOption = None,
     truth_cluster: TruthClusterOption = None,
+    truth_angle: TruthAngleOption = None,
     joint: JointOption = None,
     sequence: SequenceOption = None,
     place_by: PlaceByOption = None,
@@ -109,10 +111,11 @@ def import_files(
     if out is None:
         raise InputError("--out SESSION is missing: the folder of the session, to be made")
     described = (robot, link, mounting, dwell, move, truth_rate, joint_unit, calibration_poses)
-    if truth is None and any((*described, truth_time_unit, truth_cluster)):
+    if truth is None and any((*described, truth_time_unit, truth_cluster, truth_angle)):
         raise InputError(
             "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate, "
-            "--truth-time-unit, --truth-cluster and --joint-unit describe the file of --truth"
+            "--truth-time-unit, --truth-cluster, --truth-angle and --joint-unit describe the file "
+            "of --truth"
         )
     angles: Any = None if joint_unit is None else joint_unit.value
     of_body = any((joint, sequence, place_by, standing, forward, segment))
@@ -142,6 +145,7 @@ def import_files(
                 calibration_poses=calibration_poses,
                 time_unit=truth_time_unit,
                 clusters=tuple(truth_cluster or ()),
+                angles=tuple(truth_angle or ()),
             ),
             body=None
             if not of_body

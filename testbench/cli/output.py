@@ -263,6 +263,7 @@ def say_evaluation(
     if evaluation.limited:
         _say_verdict(evaluation)
     _say_flexion(evaluation)
+    _say_angles(evaluation)
     if evaluation.chain:
         _say_chain(evaluation)
     if evaluation.orientation:
@@ -336,6 +337,29 @@ def _say_flexion(evaluation: Evaluation) -> None:
             [j, s, f, e, mean, expanded.get((j, s)), *rest, groups.get((j, s, f, e), "")]
             for j, s, f, e in keys
             for mean, *rest in [[values.get((f"{j}.{kind}", s, f, e)) for kind in wanted]]
+        ],
+    )
+
+
+def _say_angles(evaluation: Evaluation) -> None:
+    """Errors of each angle of the joints of a body, where there are any."""
+    if not evaluation.angle_errors:
+        return
+    say_table(
+        "Errors by angle [deg]; RMS e - mean: without the constant part of the error",
+        ["joint", "filter", "sequence", "angle", "mean", "RMSE", "RMS e - mean", "range"],
+        [
+            [
+                row.joint,
+                row.filter,
+                row.sequence,
+                row.name,
+                row.mean_error_deg,
+                row.rmse_deg,
+                row.rmse_without_mean_deg,
+                row.true_range_deg,
+            ]
+            for row in evaluation.angle_errors
         ],
     )
 

@@ -32,7 +32,7 @@ from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
 from testbench.model.truth import truth_at
 from testbench.records.results.chain import ChainEstimate
-from testbench.records.results.estimate import Estimate, SensorEstimate
+from testbench.records.results.estimate import ClockFit, Estimate, SensorEstimate
 from testbench.records.results.uncertainty import UncertaintyBudget, UncertaintySource
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import ArmSamples
@@ -85,6 +85,11 @@ def joint_budgets(
     session: Session, estimate: Estimate, errors: JointErrors, arm: TrueArm | None
 ) -> list[UncertaintyBudget]:
     """One budget for each section of a joint."""
+    if errors.clock is not None:
+        return [
+            _of_true_angles(errors, errors.clock, section, [rows for _, rows in steps])
+            for section, steps in errors.sections().items()
+        ]
     return [
         _joint_budget(session, estimate, errors, section, steps, arm)
         for section, steps in errors.sections().items()
@@ -143,10 +148,29 @@ def _joint_budget(
     return combine(errors.name, "flexion", section, sources, missing)
 
 
+def _of_true_angles(
+    errors: JointErrors, clock: ClockFit, section: str, counted: list[np.ndarray]
+) -> UncertaintyBudget:
+    """The budget of a joint whose truth is angles by another system.
+
+    Args:
+        errors: Of the joint.
+        clock: Its time against that of the angles.
+        section: That is judged.
+        counted: Rows of each of its steps.
+    """
+    motion = judged_motion(errors.time_ns, errors.reference, counted)
+    line = clock_source("the joint", clock, motion)
+    lines = [] if line is None else [line]
+    return combine(errors.name, "flexion", section, lines, [UNKNOWN_TRUTH])
+
+
 def flexion_clock_sd(estimate: Estimate, errors: JointErrors) -> float:
     """Standard uncertainty of a flexion's time [s]: of its sensors' clocks, by how much each of
     them makes it turn.
     """
+    if errors.clock is not None:
+        return float(np.nan_to_num(errors.clock.offset_sd_s))
     rates = np.gradient(errors.turned, errors.time_ns / NANOSECONDS, axis=0)
     moved = np.nanmean(rates[np.concatenate([rows for _, rows in errors.steps])] ** 2, axis=0)
     clocks = [

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.evaluation.angle_errors import angle_error_rows, convention_findings
 from testbench.evaluation.arm_time import arm_findings
 from testbench.evaluation.budgets import TrueArm, flexion_clock_sd, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
@@ -55,7 +56,7 @@ from testbench.records.session.layout import joint_table, magnetic_table, orient
 from testbench.records.session.plan import PlannedStep, judged_steps
 from testbench.records.session.samples import ImuSamples, Truth
 from testbench.records.session.session import RunStatus, Session
-from testbench.records.specs.protocol import Estimation
+from testbench.records.specs.protocol import BodyJoint, Estimation
 
 MOST_OF_THE_ARM = 200_000
 """Instants of a long campaign at which its budgets look at the arm."""
@@ -159,14 +160,15 @@ def _described(
 
 OF_NO_TRUTH = {"judged.no_truth", "judged.no_truth_of_joint"}
 """Findings of each sensor and joint that one of the whole session stands for."""
-UNALIGNED = {"judged.not_aligned", "judged.joint_not_aligned"}
+UNALIGNED = {"judged.not_aligned", "judged.joint_not_aligned", "judged.angles_not_aligned"}
 """Findings of what was not aligned to the truth."""
 
 
 def _nothing_judged(session: Session, estimate: Estimate, findings: list[Finding]) -> list[Finding]:
     """The findings of a session in which nothing was judged, that and its cause said once."""
     causes = []
-    if all(session.truth_file(name) is None for name in session.sensor_names):
+    known = [name for name in session.sensor_names if session.truth_file(name) is not None]
+    if not known and not session.manifest.true_angles:
         causes.append("no truth is known of any sensor")
     if not any(sensor.orientation for sensor in estimate.sensors.values()):
         causes.append("no filter could run")
@@ -395,10 +397,9 @@ def _joint_tables(
     errors, joint = joint_errors(session, name, estimate, steps), estimate.joints[name]
     if errors is None:
         where = f"joint '{name}'"
-        told = [
-            finding("judged.no_truth_of_joint", where),
-            *(own.at(where) for own in joint.findings),
-        ]
+        unknown = joint.true_clock is None
+        told = [finding("judged.no_truth_of_joint", where)] if unknown else []
+        told += [own.at(where) for own in joint.findings]
         return ResultTables(findings=told), []
     clock_sd = flexion_clock_sd(estimate, errors) if errors.steps else 0.0
     cycles = joint_cycles(errors)
@@ -407,6 +408,9 @@ def _joint_tables(
     summaries, ranks, comparisons = summarise_joint(errors, rows, budgets, clock_sd)
     where = f"joint '{name}'"
     told = errors.findings + [own.at(where) for own in joint.findings] + covered(errors, joint)
+    if errors.clock is not None:
+        told += [own.at(where) for own in convention_findings(errors)]
+    of_body = isinstance(errors.joint, BodyJoint)
     told += cycle_findings(where, [step for step, _ in errors.steps], cycles)
     tables = ResultTables(
         findings=told,
@@ -414,6 +418,7 @@ def _joint_tables(
         joint_angle=rows,
         uncertainty=budgets,
         joint_summary=summaries,
+        angle_errors=angle_error_rows(errors) if of_body else [],
         ranking=ranks,
         comparisons=comparisons,
     )

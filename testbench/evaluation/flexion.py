@@ -12,6 +12,7 @@ from testbench.evaluation.dynamics import amplitude_and_frequency, angle_delay, 
 from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.left_out import left_out
 from testbench.evaluation.metrics import Summary, correlation, summarise_each
+from testbench.evaluation.true_angles import told_angles
 from testbench.evaluation.turning import turned_by_sensor
 from testbench.model import rotation
 from testbench.model.joint_angle import (
@@ -26,7 +27,7 @@ from testbench.model.true_segment import true_segment
 from testbench.model.truth import WIDEST_GAP_NS, truth_at
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
-from testbench.records.results.estimate import Estimate, JointEstimate
+from testbench.records.results.estimate import ClockFit, Estimate, JointEstimate
 from testbench.records.results.evaluation import JointRow
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import Truth
@@ -66,6 +67,7 @@ class JointErrors:
         turned: What the motion of the proximal and of the distal sensor has added to the true
             flexion, shape (n, 2) [rad].
         findings: What was to be judged and was not.
+        clock: The joint's time against that of the truth, where that is angles by another system.
     """
 
     name: str
@@ -80,6 +82,7 @@ class JointErrors:
     total: dict[str, np.ndarray]
     turned: np.ndarray
     findings: list[Finding] = field(default_factory=list)
+    clock: ClockFit | None = None
 
     def sections(self) -> dict[str, list[tuple[PlannedStep, np.ndarray]]]:
         """Steps by section, in their order."""
@@ -112,7 +115,12 @@ def joint_errors(
     """Errors of one joint; None where nobody knows the true angle."""
     joint, joint_estimate = session.analysis.joints[name], estimate.joints[name]
     time = joint_estimate.host_time_ns
-    truth = _true_angles(session, joint, time)
+    clock = joint_estimate.true_clock
+    if clock is not None:
+        told = told_angles(session, name, joint_estimate)
+        truth = None if told is None else (told, np.full((len(time), 2), np.nan))
+    else:
+        truth = _true_angles(session, joint, time)
     if truth is None:
         return None
     true_angles, turned = truth
@@ -120,6 +128,8 @@ def joint_errors(
     reference = _reference(session, joint, true_angles, time)
     flexion, error = {}, {}
     for (key, sequence), angles in joint_estimate.angles.items():
+        if sequence not in true_angles:
+            continue
         definition = next(item for item in joint.definitions() if item.label == sequence)
         flexion[key, sequence], error[key, sequence] = flexion_error(definition, angles, reference)
     finite = np.isfinite(reference) & sound
@@ -141,6 +151,7 @@ def joint_errors(
         total,
         turned,
         findings,
+        clock,
     )
 
 
@@ -154,6 +165,8 @@ def _total_errors(
     not depend on how they are written, and no definition loses it in gimbal lock.
     """
     rows = np.concatenate([rows for _, rows in judged]) if judged else np.zeros(0, dtype=np.int64)
+    if np.isnan(true[rows]).any():  # a truth of one angle alone is no rotation
+        return {}
     decomposition = decomposition_of(joint)
     q_true = decomposition.rotation(true[rows])
     result = {}
@@ -195,8 +208,10 @@ def joint_rows(errors: JointErrors, clock_sd: float) -> list[JointRow]:
     poses = [step for step, _ in errors.steps if step.kind != "sweep"]
     sweeps = _measured_sweeps(errors)
     defined = {
-        label: decomposition_of(errors.definition(label)).margins(true[every])
-        >= LEAST_GIMBAL_MARGIN
+        label: (
+            decomposition_of(errors.definition(label)).margins(true[every]) >= LEAST_GIMBAL_MARGIN
+        )
+        & np.isfinite(true[every])
         for label, true in errors.true_angles.items()
     }
     by_key = []

@@ -72,6 +72,13 @@ def judgeable(
         if gone:
             found[name] = [finding("judged.not_aligned", name, filters=gone)]
     for name, joint in estimate.joints.items():
+        if joint.true_clock is not None:  # judged by angles, whatever its sensors' frames are
+            angles[name] = joint if not joint.true_clock.refused else replace(joint, angles={})
+            gone = list(dict.fromkeys(key for key, _ in joint.angles))
+            if joint.true_clock.refused and gone:
+                where = f"joint '{name}'"
+                found[where] = [finding("judged.angles_not_aligned", where, filters=gone)]
+            continue
         pair = [estimate.sensors[own] for own in (joints[name].proximal, joints[name].distal)]
         aligned = {
             key: own

@@ -117,14 +117,16 @@ FORMATS = {
 }
 
 TRUTHS = {
-    "C3D": "markers (.c3d); tried on files of ezc3d's writer",
+    "C3D": "markers, and angles of joints (.c3d); tried on files of ezc3d's writer",
     "TRC": "markers (.trc); tried on files of OpenSim's writer",
     "Motive": f"markers and rigid bodies of OptiTrack, CSV; {UNTRIED}",
     "Vicon": f"markers and rigid bodies of Nexus or Tracker, CSV; {UNTRIED}",
     "Qualisys": f"markers or rigid bodies, TSV; {UNTRIED}",
-    "OpenSim": "orientations of bodies (.sto); tried on files of OpenSim's writer",
+    "OpenSim": "orientations of bodies (.sto), angles of joints (.mot, .sto); tried on files of "
+    "OpenSim's writer",
     "ROS": "joint states, transforms, poses in a bag; tried on bags of the writer of rosbags",
-    "table": "orientations (time_s, q_w, q_x, q_y, q_z), or joint angles of a robot (--robot)",
+    "table": "orientations (time_s, q_w, q_x, q_y, q_z), joint angles of a robot (--robot) or of a "
+    "body (--truth-angle)",
 }
 """What --truth reads, for people."""
 
@@ -185,14 +187,14 @@ def import_recording(
             raise FileProblems(files[0], [Problem(f"sensor '{key}' has no samples")])
     if options.axes is not None:
         remap_axes(recording, find_axes(options.axes), options.axes)
-    if truth is not None:
-        from testbench.formats.truth.attach import attach_truth
-
-        attach_truth(recording, truth)
     if body is not None:
         from testbench.formats.body import attach_body
 
         attach_body(recording, body)
+    if truth is not None:  # its angles are those of joints
+        from testbench.formats.truth.attach import attach_truth
+
+        attach_truth(recording, truth)
     return write_recording(recording, files, name, out, clock)
 
 

@@ -292,6 +292,40 @@ class SensorColumns(StrictModel):
         return self
 
 
+class AngleColumns(StrictModel):
+    """Angles of joints that another system computed, in a file of their own."""
+
+    file: str = Field(description="Beside the samples; CSV, TSV, Parquet, MATLAB or HDF5.")
+    text: TextLayout = Field(default_factory=TextLayout, description="How that file is written.")
+    time: TimeColumn | None = Field(default=None, description="Times in that file.")
+    rate_hz: float | None = Field(default=None, gt=0, le=100_000, description="Or its rate.")
+    unit: Literal["deg", "rad"] | None = Field(
+        default=None, description="Of the angles; left out: by their titles or their size."
+    )
+    same_clock: bool = Field(
+        default=False, description="Whether its times are on the clock of the samples."
+    )
+    offset_s: float | None = Field(
+        default=None,
+        ge=-1e9,
+        le=1e9,
+        description="Added to its times; left out: found by the motion.",
+    )
+    joints: dict[Name, dict[str, str]] = Field(
+        min_length=1,
+        description="Column of each angle by joint and angle (flexion, adduction, first, ...), "
+        "such as {knee: {flexion: knee_angle}}; -knee_angle where it counts the other way.",
+    )
+
+    @model_validator(mode="after")
+    def _times(self) -> AngleColumns:
+        if (self.time is None) == (self.rate_hz is None):
+            raise ValueError("angles in a file of their own need either time or rate_hz")
+        if self.same_clock and (self.time is None or self.offset_s is not None):
+            raise ValueError("same_clock goes with `time`, and without `offset_s`")
+        return self
+
+
 class MappingSpec(StrictModel):
     """A whole mapping."""
 
@@ -317,6 +351,9 @@ class MappingSpec(StrictModel):
         max_length=64,
         description="Joint angles between sensors, as in a protocol; `alignment` of one in place "
         "of that below.",
+    )
+    truth_angles: AngleColumns | None = Field(
+        default=None, description="True angles of these joints, in a file of their own."
     )
     alignment: SegmentAlignment = Field(
         default_factory=SegmentAlignment, description="How the sensors sit on their segments."

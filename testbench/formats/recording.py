@@ -20,10 +20,10 @@ from testbench.formats.dates import Recorded
 from testbench.frames import NANOSECONDS
 from testbench.records.disk.tables import to_arrow, write_parquet_batches
 from testbench.records.findings.finding import Finding, told_once
-from testbench.records.session.layout import imu_stream, table_file, truth_stream
-from testbench.records.session.manifest import FullScale
+from testbench.records.session.layout import angles_stream, imu_stream, table_file, truth_stream
+from testbench.records.session.manifest import FullScale, JointTruthRecord
 from testbench.records.session.plan import PlannedStep
-from testbench.records.session.samples import IMU_NOTES, ImuSamples, Truth
+from testbench.records.session.samples import IMU_NOTES, ImuSamples, TrueAngles, Truth
 from testbench.records.session.sensor_file import SensorFile
 from testbench.records.session.session import RunStatus, Session, step_events
 from testbench.records.session.session_writer import SessionWriter
@@ -36,6 +36,10 @@ IMPORTED_NOTES = IMU_NOTES | {
 TRUTH_NOTES = {
     "content": "truth that came with the recording; NaN where it was lost",
     "q_world_from_sensor": "w x y z, Hamilton",
+}
+ANGLE_NOTES = {
+    "content": "angles of a joint by another system, as the joint's own definition writes them; "
+    "NaN where they are not known",
 }
 
 
@@ -69,6 +73,19 @@ class ImportedSensor:
         return next(iter(self.chunks), None)
 
 
+@dataclass(frozen=True)
+class ImportedAngles:
+    """Angles of a joint that another system computed.
+
+    Attributes:
+        true: The angles.
+        record: Where they come from, and what is known of their time.
+    """
+
+    true: TrueAngles
+    record: JointTruthRecord
+
+
 @dataclass
 class Recording:
     """What a file, or several, hold.
@@ -86,6 +103,7 @@ class Recording:
         origin_ns: What the clock of the files said at host time zero, where a truth on the same
             clock may come from another file [ns].
         texts: Files that the session keeps verbatim, by name.
+        angles: True angles of joints, by name of the joint.
     """
 
     name: str
@@ -98,6 +116,7 @@ class Recording:
     answered: frozenset[str] | None = None
     origin_ns: int | None = None
     texts: dict[str, str] = field(default_factory=dict)
+    angles: dict[str, ImportedAngles] = field(default_factory=dict)
 
 
 # Long by its arguments, and by what is undone where an import is cut off.
@@ -142,6 +161,7 @@ def write_recording(
             "recorded_utc": utc_text(recording.recorded.at) if recording.recorded else None,
             "recorded_by": recording.recorded.source if recording.recorded else None,
             "protocol": {"name": recording.name, "purpose": recording.purpose},
+            **_true_angles(recording),
         },
     )
     findings = list(recording.findings)
@@ -166,6 +186,8 @@ def write_recording(
             findings += [found.at(name) for found in (*sensor.findings, *sensor.told())]
             if sensor.truth is not None:
                 writer.add_table(truth_stream(name), sensor.truth.to_columns(), TRUTH_NOTES)
+        for name, joint in recording.angles.items():
+            writer.add_table(angles_stream(name), joint.true.to_columns(), ANGLE_NOTES)
         for event in step_events(recording.steps):
             writer.event(event)
         writer.close(
@@ -183,6 +205,12 @@ def write_recording(
         writer.discard()
         raise
     return Session(out)
+
+
+def _true_angles(recording: Recording) -> dict[str, Any]:
+    """The entry of the manifest on joints with true angles, where there are any."""
+    own = {name: joint.record.model_dump() for name, joint in recording.angles.items()}
+    return {"true_angles": own} if own else {}
 
 
 def _belief(analysis: Analysis, sensor: ImportedSensor) -> Belief:

@@ -8,7 +8,8 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
-from testbench.records.session.samples import Truth
+from testbench.model.joint_angle import unwrapped
+from testbench.records.session.samples import TrueAngles, Truth
 
 JUMP_FACTOR, LEAST_JUMP = 3.0, np.radians(5.0)
 """A truth that turns this many times faster than the sensor ever does, and by at least this angle,
@@ -33,14 +34,42 @@ def truth_at(truth: Truth, time_ns: np.ndarray) -> np.ndarray:
     if known.sum() < 2:
         return result
     times = truth.host_time_ns[known]
-    index = np.clip(np.searchsorted(times, time_ns, side="right"), 1, len(times) - 1)
-    inside = (
-        (time_ns >= times[0])
-        & (time_ns <= times[-1])
-        & (times[index] - times[index - 1] <= WIDEST_GAP_NS)
-    )
+    inside = _between(times, time_ns)
     result[inside] = rotation.interpolate(times, truth.q_world_from_sensor[known], time_ns[inside])
     return result
+
+
+def angles_at(true: TrueAngles, time_ns: np.ndarray) -> np.ndarray:
+    """Angles of a joint at other times than the truth's own, without jumps of a turn.
+
+    Args:
+        true: As recorded.
+        time_ns: Host time, shape (n,).
+
+    Returns:
+        Shape (n, 3) [rad]; NaN before, after and in gaps of each angle.
+    """
+    result = np.full((len(time_ns), 3), np.nan)
+    for i in range(3):
+        known = np.isfinite(true.angles[:, i])
+        if known.sum() < 2:
+            continue
+        times = true.host_time_ns[known]
+        inside = _between(times, time_ns)
+        result[inside, i] = np.interp(time_ns[inside], times, unwrapped(true.angles[known, i]))
+    return result
+
+
+def _between(times: np.ndarray, time_ns: np.ndarray) -> np.ndarray:
+    """Where instants lie between two neighbours of a truth that are near enough, shape (n,), bool.
+
+    Args:
+        times: Of the truth, increasing, two or more [ns].
+        time_ns: Of the instants, shape (n,).
+    """
+    index = np.clip(np.searchsorted(times, time_ns, side="right"), 1, len(times) - 1)
+    near = times[index] - times[index - 1] <= WIDEST_GAP_NS
+    return np.asarray((time_ns >= times[0]) & (time_ns <= times[-1]) & near)
 
 
 def without_jumps(truth: Truth, fastest: Callable[[], float]) -> tuple[Truth, int]:

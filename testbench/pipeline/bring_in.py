@@ -107,6 +107,7 @@ def _truth(asked: TruthRequest) -> TruthOptions:
         asked.calibration_poses,
         asked.time_unit,
         _once("--truth-cluster", map(_cluster, asked.clusters)),
+        _once("--truth-angle", map(_angle, asked.angles)),
     )
 
 
@@ -134,6 +135,17 @@ def _cluster(text: str) -> tuple[str, list[str]]:
     """Sensor and names, from `SENSOR=M1,M2,M3`."""
     sensor, names = _pair("--truth-cluster", text)
     return sensor, [name.strip() for name in names.split(",") if name.strip()]
+
+
+def _angle(text: str) -> tuple[str, str]:
+    """Joint and angle, and the column, from `JOINT.ANGLE=COLUMN`."""
+    joint, equals, column = (part.strip() for part in text.partition("="))
+    if not equals or not joint or not column.removeprefix("-").strip():
+        raise InputError(
+            f"--truth-angle {text}: write it as JOINT.ANGLE=COLUMN, such as "
+            "knee.flexion=knee_angle_r"
+        )
+    return joint, column
 
 
 def _placement(text: str) -> tuple[str, Placement]:

@@ -319,9 +319,12 @@ class RecordRequest(Asked):
 class TruthRequest(Asked):
     """Truth of a foreign recording in a file of its own."""
 
-    file: Place = Field(description="A joint log, commanded joint angles, or orientations.")
+    file: Place = Field(
+        description="A joint log, commanded joint angles, orientations, or angles of a body's "
+        "joints."
+    )
     robot: Place | None = Field(
-        default=None, description="The arm whose log it is; null: the file holds orientations."
+        default=None, description="The arm whose log it is; null: the file holds no log of one."
     )
     links: tuple[str, ...] = Field(
         default=(), description="Links that carry the sensors, each `[SENSOR=]LINK`."
@@ -356,6 +359,12 @@ class TruthRequest(Asked):
         default=(),
         description="Markers that carry the sensors, each `SENSOR=M1,M2,M3`; or `SENSOR=BODY`, a "
         "rigid body, a frame or a topic of poses.",
+    )
+    angles: tuple[str, ...] = Field(
+        default=(),
+        description="Columns that are angles of the recording's joints, each "
+        "`JOINT.ANGLE=COLUMN`, or `=-COLUMN` where it counts the other way; or `JOINT=POINT`, the "
+        "three angles of a point of C3D.",
     )
 
 

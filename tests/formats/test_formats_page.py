@@ -59,6 +59,7 @@ def test_everything_that_can_be_asked_for_is_on_the_page():
     ]
     options += ["--joint", "--sequence", "--place-by", "--standing", "--forward", "--segment"]
     options += ["--encoding", "--truth-offset", "--truth-rate", "--truth-cluster", "--joint-unit"]
+    options += ["--truth-angle"]
     assert [name for name in wanted + options if name not in PAGE] == []
     parts = MappingSpec.model_json_schema()["$defs"]
     keys = {

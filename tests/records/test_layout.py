@@ -23,7 +23,7 @@ FILES = {
     layout.table_file(layout.ARM),
     layout.JOURNALS,
 }
-TABLES = ("imu_", "truth_", "orientation_", "chain_", "joint_", "magnetic_")
+TABLES = ("imu_", "truth_", "angles_", "orientation_", "chain_", "joint_", "magnetic_")
 ELSEWHERE = {
     "study_report.py",  # a study's own report
     "scene.py",  # a temporary file

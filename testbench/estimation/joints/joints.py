@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from testbench.estimation.filters import OrientationFilter
 from testbench.estimation.joints.body import BodyRecording, Read, estimate_body
 from testbench.estimation.joints.constrained import constrained, is_constrained
+from testbench.estimation.joints.true_clock import with_true_clocks
 from testbench.estimation.signals.recording import RunFacts
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series, segment_orientation
@@ -35,10 +36,11 @@ def estimate_joints(
     begin = min(int(own.host_time_ns[0]) for own in sensors.values())
     recording = BodyRecording(run.body, sensors, read, run.true, begin)
     bodies = estimate_body(of_body, recording, filters)
-    return {
+    found = {
         name: bodies[name] if name in bodies else estimate_joint(joint, run, sensors, filters)
         for name, joint in joints.items()
     }
+    return with_true_clocks(joints, found, run.true_angles)
 
 
 def estimate_joint(

@@ -106,17 +106,47 @@ def rest_reading(gyr: np.ndarray, stays: Callable[[np.ndarray], bool] | None = N
     return reading if stays is not None and stays(ends) else np.zeros(3)
 
 
+def angle_rate(time_ns: np.ndarray, angles: np.ndarray) -> RateMagnitude:
+    """Length of the rates of some angles over time.
+
+    Args:
+        time_ns: Increasing, shape (n,) [ns].
+        angles: Shape (n, k) [rad]; NaN where not known.
+    """
+
+    def between(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        return rotation.lengths(rotation.wrap(second - first))
+
+    return _between_rows(time_ns / NANOSECONDS, angles, between)
+
+
 def _from_orientations(time: np.ndarray, q: np.ndarray) -> RateMagnitude:
-    known = np.isfinite(q).all(axis=1)
-    time, q = time[known], q[known]
+    def between(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        return rotation.angle(rotation.multiply(rotation.conjugate(first), second))
+
+    return _between_rows(time, q, between)
+
+
+def _between_rows(
+    time: np.ndarray, rows: np.ndarray, between: Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> RateMagnitude:
+    """Rates from how far rows lie apart that follow one another.
+
+    Args:
+        time: Not decreasing, shape (n,) [s].
+        rows: Shape (n, k); NaN where not known.
+        between: How far rows lie apart, each shape (m, k), gives shape (m,) [rad].
+    """
+    known = np.isfinite(rows).all(axis=1)
+    time, rows = time[known], rows[known]
     fresh = np.diff(time, prepend=-np.inf) > 0
-    time, q = time[fresh], q[fresh]
+    time, rows = time[fresh], rows[fresh]
     if len(time) < 3:
         return RateMagnitude(np.zeros(0), np.zeros(0), 0.0, 0.0)
     usual = float(np.median(np.diff(time)))
     apart = min(max(round(LEAST_SPAN_S / usual), 1), len(time) - 2)
     interval = time[apart:] - time[:-apart]
-    angle = rotation.angle(rotation.multiply(rotation.conjugate(q[:-apart]), q[apart:]))
+    angle = between(rows[:-apart], rows[apart:])
     close = interval <= (apart + WIDEST - 1) * usual
     return RateMagnitude(
         (time[:-apart] + interval / 2)[close],

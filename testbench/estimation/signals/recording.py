@@ -11,8 +11,9 @@ import numpy as np
 from testbench.consistency.doubtful import Belief
 from testbench.estimation.signals.access import Change, SampleAccess, open_samples
 from testbench.frames import STANDARD_GRAVITY
-from testbench.records.session.manifest import FullScale, SensorRecord
+from testbench.records.session.manifest import FullScale, JointTruthRecord, SensorRecord
 from testbench.records.session.plan import PlannedStep
+from testbench.records.session.samples import TrueAngles
 from testbench.records.session.sensor_file import SensorFile, TruthFile
 from testbench.records.session.session import Session
 from testbench.records.specs.protocol import Body, Estimation, Sensor
@@ -63,6 +64,30 @@ class SensorRecording:
 
 
 @dataclass(frozen=True)
+class JointTruth:
+    """Angles of a joint that another system gave.
+
+    Attributes:
+        angles: As recorded.
+        same_clock: Whether their times are on the clock of the samples.
+        near: Whether a person said what is to be added to their times.
+    """
+
+    angles: TrueAngles
+    same_clock: bool
+    near: bool
+
+    @staticmethod
+    def of(session: Session, joint: str) -> JointTruth | None:
+        """Those of a session, None where it has none."""
+        angles = session.true_angles(joint)
+        if angles is None:
+            return None
+        known = session.manifest.true_angles.get(joint, JointTruthRecord())
+        return JointTruth(angles, known.same_clock, known.offset_s is not None)
+
+
+@dataclass(frozen=True)
 class RunFacts:
     """What is known of a run beside its samples.
 
@@ -74,6 +99,7 @@ class RunFacts:
         recorded: When the samples were taken; None where nobody knows.
         body: That carries the sensors of an import.
         true: Sensors whose truth is known.
+        true_angles: Of joints whose angles another system gave, by name.
     """
 
     settings: Estimation
@@ -83,6 +109,7 @@ class RunFacts:
     recorded: datetime | None
     body: Body = field(default_factory=Body)
     true: frozenset[str] = frozenset()
+    true_angles: Mapping[str, JointTruth] = field(default_factory=dict)
 
     @staticmethod
     def of(session: Session) -> RunFacts:
@@ -95,6 +122,11 @@ class RunFacts:
             session.recorded_at,
             session.analysis.body or Body(),
             frozenset(own for own in session.sensor_names if session.truth_file(own) is not None),
+            {
+                name: own
+                for name in session.analysis.joints
+                if (own := JointTruth.of(session, name)) is not None
+            },
         )
 
 

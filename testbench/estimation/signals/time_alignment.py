@@ -92,7 +92,7 @@ def fit_clock(
     zero = float(measured.time[0]) - float(true.time[0])
     measured = replace(measured, time=measured.time - zero - delay)
     if not common_host:
-        return _fit_anywhere(measured, true, arrival, zero, near)
+        return fit_anywhere(measured, true, arrival, zero, near)
     measured = _averaged(measured, true.width).thinned(MOST_POINTS)
     drift = 1e-6 * arrival.drift_ppm
     offset = arrival.offset_s - zero
@@ -105,7 +105,7 @@ def fit_clock(
     )
 
 
-def _fit_anywhere(
+def fit_anywhere(
     measured: RateMagnitude, true: RateMagnitude, arrival: ClockFit, zero: float, near: bool
 ) -> ClockFit:
     """The fit where nothing is known of when each record began; see `fit_clock`.

@@ -11,10 +11,10 @@ from importlib import import_module
 from pathlib import Path
 
 from testbench.exceptions import BenchError, InputError, NotFoundError
-from testbench.formats.exporters.opensim_names import Model
 from testbench.formats.exporters.settings import settings_notes
 from testbench.formats.exporters.source import TRUTH, ExportSource, Frame
 from testbench.formats.exporters.writing import check_target, written_whole
+from testbench.formats.opensim_names import Model
 from testbench.records.session.layout import EXPORT
 from testbench.records.session.session import Session
 

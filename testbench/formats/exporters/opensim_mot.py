@@ -8,10 +8,10 @@ import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.formats.exporters.chain_columns import chain_series
-from testbench.formats.exporters.opensim_names import FILES, anatomical_columns
 from testbench.formats.exporters.opensim_text import gap_notes, overlap, write_text
 from testbench.formats.exporters.settings import settings_lines
 from testbench.formats.exporters.source import TRUTH, ExportSource, increasing
+from testbench.formats.opensim_names import FILES, anatomical_columns
 from testbench.model.joint_angle import flexion_of
 
 

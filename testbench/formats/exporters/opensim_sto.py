@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
-from testbench.formats.exporters.opensim_names import body_name
 from testbench.formats.exporters.opensim_text import data_rate, gap_notes, overlap, write_text
 from testbench.formats.exporters.settings import settings_lines
 from testbench.formats.exporters.source import ExportSource
+from testbench.formats.opensim_names import body_name
 from testbench.model import rotation
 
 GROUND = "opensim ground, y up: world turned by -90 deg about x"

@@ -11,7 +11,7 @@ import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.formats.exporters.chain_pose import chain_orientation
-from testbench.formats.exporters.opensim_names import Model
+from testbench.formats.opensim_names import Model
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series
 from testbench.model.true_segment import true_segment

@@ -6,19 +6,26 @@ It is a robot's joint log, its commanded poses, or orientations of a reference s
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.formats.recording import Recording
-from testbench.formats.stamps import Stamps
+from testbench.formats.stamps import LOWEST_OF_TRUTH_HZ, Stamps
+from testbench.formats.tables.binary_kinds import PARQUET, binary_kind
 from testbench.formats.tables.recognise import find_sensors
 from testbench.formats.tables.ros_bag import is_bag, open_bag
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, stack
 from testbench.formats.tables.source import Columns, Kind
-from testbench.formats.tables.text_table import TextTable, find_table
-from testbench.formats.tables.timeline import RegularTime
-from testbench.formats.truth.markers import give_truth, read_tracked
+from testbench.formats.tables.text_table import TextTable, find_table, head_of
+from testbench.formats.tables.timeline import LATEST_NS, RegularTime
+from testbench.formats.truth.angle_names import guessed_angles, stated_angles
+from testbench.formats.truth.angle_table import AngleUnit, is_coordinates, read_angles
+from testbench.formats.truth.angles import give_angles
+from testbench.formats.truth.c3d import read_c3d_angles
+from testbench.formats.truth.markers import LISTED, give_truth, is_tracked, read_tracked
 from testbench.formats.truth.reference import collect, reference_truth
 from testbench.formats.truth.robot_log import (
     commanded_dwells,
@@ -33,10 +40,13 @@ from testbench.formats.units import find_unit
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.findings.catalogue import finding
+from testbench.records.session.manifest import JointTruthRecord
 from testbench.records.specs.protocol import Analysis
 from testbench.records.specs.robot import load_robot
 from testbench.records.specs.strict import Placement
 
+HIGHEST_OF_TRUTH_HZ = 100_000.0
+"""As of samples: no log is faster [Hz]."""
 _POSES = re.compile(
     r"(quat\w*|\bq|orientation\w*)[\s_.\[(]*[wxyz0]|^\W*time\W.*\b[wW]\b", re.IGNORECASE
 )
@@ -61,6 +71,8 @@ class TruthOptions:
         time_unit: Of its times, where neither title nor size tell it.
         clusters: Markers of each sensor, or the one body that carries it, in the file of a motion
             capture system; frame or topic of a bag of ROS.
+        angles: Column of the file by joint, or by joint.angle, with a minus before it where it
+            counts the other way.
     """
 
     file: Path
@@ -71,18 +83,26 @@ class TruthOptions:
     move: float | None = None
     offset: float | None = None
     rate: float | None = None
-    joint_unit: str | None = None
+    joint_unit: AngleUnit | None = None
     calibration_poses: int = 0
     time_unit: str | None = None
     clusters: dict[str, list[str]] = field(default_factory=dict)
+    angles: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if self.rate is not None and not LOWEST_OF_TRUTH_HZ <= self.rate <= HIGHEST_OF_TRUTH_HZ:
+            raise InputError(
+                f"--truth-rate {self.rate:g}: a rate lies between {LOWEST_OF_TRUTH_HZ:g} and "
+                f"{HIGHEST_OF_TRUTH_HZ:g} Hz"
+            )
+        if self.offset is not None and not abs(self.offset) * NANOSECONDS <= LATEST_NS:
+            raise InputError(f"--truth-offset {self.offset:g}: no log begins so much later")
         if self.time_unit is not None:
             self.time_unit = find_unit("time", self.time_unit).name
 
 
 def attach_truth(recording: Recording, options: TruthOptions) -> None:
-    """Give each sensor of a recording its truth.
+    """Give each sensor of a recording its truth, or joints their true angles.
 
     Args:
         recording: Is changed.
@@ -101,6 +121,9 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
             )
     if not options.file.is_file() and not is_bag(options.file):
         raise InputError(f"--truth {options.file}: the file does not exist")
+    if _holds_angles(recording, options):
+        _from_angles(recording, options)
+        return
     if options.offset is not None:
         for sensor in recording.sensors.values():
             sensor.details |= {"truth_offset_s": options.offset}
@@ -115,6 +138,70 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
     recording.analysis = Analysis.model_validate(
         recording.analysis.model_dump() | {"estimate": settings.model_dump()}
     )
+
+
+def _holds_angles(recording: Recording, options: TruthOptions) -> bool:
+    """Whether the truth is angles of joints: as stated, or as the file and the joints tell."""
+    if options.angles or is_bag(options.file):
+        return bool(options.angles)
+    if options.robot is not None or options.clusters:
+        return False
+    if is_coordinates(options.file):
+        return True
+    if recording.analysis.body is None or not recording.analysis.body.joints:
+        return False
+    if options.file.suffix.lower() == ".c3d":
+        return bool(read_c3d_angles(options.file).names)
+    if binary_kind(options.file) is PARQUET:
+        return True
+    return not is_tracked(options.file) and not any(map(_POSES.search, head_of(options.file)))
+
+
+def _from_angles(recording: Recording, options: TruthOptions) -> None:
+    """Joints get the columns of the file that are their angles."""
+    alien = {
+        "--robot": options.robot is not None,
+        "--link": bool(options.links),
+        "--mounting": bool(options.mountings),
+        "--dwell": options.dwell is not None,
+        "--move": options.move is not None,
+        "--calibration-poses": bool(options.calibration_poses),
+        "--truth-cluster": bool(options.clusters),
+    }
+    given = [flag for flag, used in alien.items() if used]
+    if given:
+        raise InputError(f"{', '.join(given)}: has no effect on a truth of joint angles")
+    if is_bag(options.file):
+        raise InputError(f"{options.file} is a bag of ROS, which has no column for --truth-angle")
+    body = recording.analysis.body
+    if body is None or not body.joints:
+        raise InputError(
+            f"{options.file} holds angles of joints, and the recording has no joint: name one with "
+            "--joint NAME=PROXIMAL:DISTAL"
+        )
+    titles = [title.lstrip("-").strip() for title in options.angles.values()]
+    table = read_angles(options.file, titles, options.rate, options.time_unit)
+    flag = "--truth-angle"
+    chosen = (
+        stated_angles(options.angles, body.joints, table.titles, flag)
+        if options.angles
+        else guessed_angles(body.joints, table)
+    )
+    if not chosen:
+        listing = ", ".join(table.titles[:LISTED])
+        raise InputError(
+            f"{options.file}: which of its columns are angles of {', '.join(body.joints)}? Answer "
+            f"with {flag} JOINT.ANGLE=COLUMN, such as knee.flexion=knee_angle_r; it has {listing}"
+        )
+    later, said = later_than_samples_ns(recording, table.unix_ns, int(np.ptp(table.time_ns)))
+    recording.findings += said
+    if not options.angles:
+        found = [str(own) for own in chosen]
+        recording.findings.append(finding("truth.angles_guessed", columns=found))
+    shift = later + round((options.offset or 0.0) * NANOSECONDS)
+    placed = replace(table, time_ns=table.time_ns + shift)
+    record = JointTruthRecord(offset_s=options.offset)
+    give_angles(recording, placed, chosen, options.joint_unit, record)
 
 
 # One piece: most lines check the answers against what the robot's log holds.

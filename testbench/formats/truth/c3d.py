@@ -1,4 +1,4 @@
-"""C3D: markers of any motion capture system (c3d.org, The C3D File Format User Guide)."""
+"""C3D: markers and angles of motion capture (c3d.org, The C3D File Format User Guide)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import io
 import subprocess
 import sys
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -19,6 +21,31 @@ S_PER_BYTE = 1e-6
 """A file may take so long to be read, and so much longer by its size."""
 
 
+@dataclass(frozen=True)
+class C3dAngles:
+    """Angles in a C3D file, which stand among its points.
+
+    Attributes:
+        names: Of the points, k of them.
+        values: As in the file, shape (n, k, 3); NaN where lost.
+        rate: Of the frames [Hz].
+        unit: "deg" or "rad", None where the file states none.
+    """
+
+    names: list[str]
+    values: np.ndarray
+    rate: float
+    unit: Literal["deg", "rad"] | None
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """By title, such as LKneeAngles.x, shape (n,) each."""
+        return {
+            f"{name}.{axis}": self.values[:, i, j]
+            for i, name in enumerate(self.names)
+            for j, axis in enumerate("xyz")
+        }
+
+
 def read_c3d(file: Path) -> Tracked:
     """Markers of a file.
 
@@ -26,13 +53,56 @@ def read_c3d(file: Path) -> Tracked:
         InputError: The package that reads it is not installed.
         FileProblems: It is damaged, or holds no markers.
     """
+    content = _content(file)
+    labels, values, unit = _labels(content), content["points"], str(content["unit"])
+    if unit.lower() not in METRES:
+        raise _refusal(file, f"the unit of its markers is '{unit}'; known: mm, cm, m")
+    derived = {str(label) for label in content["angles"]}
+    own = [i for i, label in enumerate(labels) if label and label not in derived]
+    flat = values[:, own].reshape(len(values), -1)
+    names = [labels[i] for i in own]
+    times = frame_times(len(values), float(content["rate"]))
+    return Tracked("C3D", times, points(flat, names, METRES[unit.lower()]))
 
-    def refuse(message: str) -> FileProblems:
-        return FileProblems(file, [Problem(message)])
 
+def read_c3d_angles(file: Path) -> C3dAngles:
+    """Angles of a file: the points that POINT:ANGLES lists.
+
+    Raises:
+        InputError: The package that reads it is not installed.
+        FileProblems: It is damaged, or they are in a unit that is none.
+    """
+    content = _content(file)
+    labels, derived = _labels(content), {str(label) for label in content["angles"]}
+    own = [i for i, label in enumerate(labels) if label and label in derived]
+    stated = str(content["angle_unit"]).strip().lower()
+    units: dict[str, Literal["deg", "rad"] | None] = {"": None, "deg": "deg", "rad": "rad"}
+    short = "" if not stated else stated[:3]
+    if short not in units:
+        raise _refusal(file, f"the unit of its angles is '{stated}'; known: deg, rad")
+    values = np.array(content["points"][:, own], dtype=float)
+    values[~np.any(values != 0, axis=2)] = np.nan
+    return C3dAngles([labels[i] for i in own], values, float(content["rate"]), units[short])
+
+
+def _labels(content: dict[str, np.ndarray]) -> list[str]:
+    return [str(label) for label in content["labels"]][: content["points"].shape[1]]
+
+
+def _refusal(file: Path, message: str) -> FileProblems:
+    return FileProblems(file, [Problem(message)])
+
+
+def _content(file: Path) -> dict[str, np.ndarray]:
+    """What the reader found in a file.
+
+    Raises:
+        InputError: The package that reads it is not installed.
+        FileProblems: It is damaged, or holds no points.
+    """
     with file.open("rb") as stream:
         if stream.read(2)[1:] != b"\x50":
-            raise refuse("not a C3D file: its second byte is not 80")
+            raise _refusal(file, "not a C3D file: its second byte is not 80")
     if importlib.util.find_spec("ezc3d") is None:
         raise InputError(
             "reading C3D needs the extra 'markers', which is not installed: pip install "
@@ -45,29 +115,21 @@ def read_c3d(file: Path) -> Tracked:
             [sys.executable, child, str(file)], capture_output=True, timeout=patience, check=False
         )
     except subprocess.TimeoutExpired:
-        raise refuse(
-            f"not a readable C3D file: its reader did not end in {patience:.0f} s"
+        raise _refusal(
+            file, f"not a readable C3D file: its reader did not end in {patience:.0f} s"
         ) from None
     if done.returncode != 0:
         said = done.stderr.decode("utf-8", "replace").strip().splitlines()
         why = said[-1] if done.returncode == 2 and said else "its reader broke off"
-        raise refuse(f"not a readable C3D file: {why}")
+        raise _refusal(file, f"not a readable C3D file: {why}")
     try:
         with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
             content = dict(arrays)
     except (OSError, ValueError, zipfile.BadZipFile):
-        raise refuse("not a readable C3D file: its reader gave no arrays") from None
-    labels = [str(label) for label in content["labels"]]
-    values, rate, unit = content["points"], float(content["rate"]), str(content["unit"])
-    if values.ndim != 3 or not values.shape[0] or not labels:
-        raise refuse("holds no markers")
+        raise _refusal(file, "not a readable C3D file: its reader gave no arrays") from None
+    values, rate = content["points"], float(content["rate"])
+    if values.ndim != 3 or not values.shape[0] or not len(content["labels"]):
+        raise _refusal(file, "holds no markers")
     if not 0.1 <= rate <= 100_000:
-        raise refuse(f"a rate of {rate:g} Hz cannot be")
-    if unit.lower() not in METRES:
-        raise refuse(f"the unit of its markers is '{unit}'; known: mm, cm, m")
-    derived = {str(label) for label in content["angles"]}
-    labels = labels[: values.shape[1]]
-    own = [i for i, label in enumerate(labels) if label and label not in derived]
-    flat = values[:, own].reshape(len(values), -1)
-    names = [labels[i] for i in own]
-    return Tracked("C3D", frame_times(len(values), rate), points(flat, names, METRES[unit.lower()]))
+        raise _refusal(file, f"a rate of {rate:g} Hz cannot be")
+    return content

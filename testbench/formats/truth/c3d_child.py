@@ -28,13 +28,12 @@ def main(path: str) -> None:
         content = ezc3d.c3d(path)
         parameters = content["parameters"]["POINT"]
         points = np.asarray(content["data"]["points"], dtype=float)
-        labels = _texts(parameters, "LABELS")
-        for further in range(2, 10):
-            labels += _texts(parameters, f"LABELS{further}")
+        labels, angles = (_all_texts(parameters, name) for name in ("LABELS", "ANGLES"))
         arrays = {
             "points": np.moveaxis(points[:3], 2, 0).transpose(0, 2, 1),
             "labels": np.array(labels, dtype=str),
-            "angles": np.array(_texts(parameters, "ANGLES"), dtype=str),
+            "angles": np.array(angles, dtype=str),
+            "angle_unit": np.array((_angle_units(parameters) or [""])[0]),
             "unit": np.array((_texts(parameters, "UNITS") or ["mm"])[0]),
             "rate": np.array(float(np.ravel(parameters["RATE"]["value"])[0])),
         }
@@ -42,6 +41,19 @@ def main(path: str) -> None:
         sys.stderr.write(" ".join(str(error).split())[:200] or type(error).__name__)
         sys.exit(2)
     np.savez(sys.stdout.buffer, **arrays)  # type: ignore[arg-type]
+
+
+def _all_texts(parameters: Any, name: str) -> list[str]:
+    """Of a parameter, and of those that go on with it: LABELS, LABELS2, ..."""
+    names = [name, *(f"{name}{further}" for further in range(2, 10))]
+    return [text for own in names for text in _texts(parameters, own)]
+
+
+def _angle_units(parameters: Any) -> list[str]:
+    """Units of angles, in the parameter that TYPE_GROUPS pairs with ANGLES, else ANGLE_UNITS."""
+    groups = _texts(parameters, "TYPE_GROUPS")
+    named = dict(zip(groups[::2], groups[1::2], strict=False))
+    return _texts(parameters, named.get("ANGLES", "ANGLE_UNITS"))
 
 
 def _texts(parameters: Any, name: str) -> list[str]:

@@ -51,6 +51,12 @@ def read_tracked(file: Path, rate: float | None) -> Tracked | None:
     return next((read(file, rate) for known, read in TEXTS if known(lines)), None)
 
 
+def is_tracked(file: Path) -> bool:
+    """Whether a file of text is such an export."""
+    lines = head_of(file)
+    return any(known(lines) for known, _ in TEXTS)
+
+
 def give_truth(
     recording: Recording,
     tracked: Tracked,

@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.exceptions import FileProblems, Problem, one_line
 from testbench.formats.tables.bytes_stream import LineStream, encoding_of
+from testbench.formats.tables.fields import BLANKS
 from testbench.formats.tables.text_table import decimal_of
 
 LINES_PER_BLOCK = 5000
@@ -50,7 +51,8 @@ def number_rows(file: Path, first_line: int, separator: str, width: int) -> np.n
 
 
 def _cells(file: Path, number: int, line: str, separator: str, width: int) -> list[str]:
-    cells = [cell.strip() or "nan" for cell in line.split(separator)]
+    parts = line.split() if separator == BLANKS else line.split(separator)
+    cells = [cell.strip() or "nan" for cell in parts]
     if len(cells) < width or any(cell != "nan" for cell in cells[width:]):
         hint = "; the file may be cut off there" if len(cells) < width else ""
         raise FileProblems(

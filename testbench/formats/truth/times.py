@@ -5,6 +5,7 @@ from __future__ import annotations
 from testbench.formats.common_clock import OVERLAP_NS, stream_of, unix_zero_ns
 from testbench.formats.recording import Recording
 from testbench.formats.stamps import LOWEST_HZ, LOWEST_OF_TRUTH_HZ, Asking, Stamps, read_stamps
+from testbench.formats.tables.parquet_table import ParquetTable
 from testbench.formats.tables.recognise import find_time
 from testbench.formats.tables.text_table import TextTable
 from testbench.frames import NANOSECONDS
@@ -12,7 +13,9 @@ from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 
 
-def truth_stamps(table: TextTable, rate: float | None, answered: str | None) -> Stamps | None:
+def truth_stamps(
+    table: TextTable | ParquetTable, rate: float | None, answered: str | None
+) -> Stamps | None:
     """How the times of a truth are read; None where it has none, or a rate is stated instead.
 
     Args:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from testbench.exceptions import InputError
 from testbench.formats.common_clock import share_clock
+from testbench.formats.mapped.angles import give_mapped_angles
 from testbench.formats.mapped.build import Build
 from testbench.formats.mapped.chain import chain_of
 from testbench.formats.mapped.files import Files, Meant, Place, fitting, inside, sensors_meant
@@ -70,7 +71,9 @@ def read(files: list[Path], options: Options) -> Recording:
         for one in mapped.values():
             one.sensor.details["hemisphere"] = spec.hemisphere
     left = sorted(file.name for file in beside if file not in opened.used)
-    unused = [file.name for file in files if file not in [*opened.used, *beside]]
+    angles = document.value.truth_angles
+    of_truth = [] if angles is None else [file for file in files if file.name == angles.file]
+    unused = [file.name for file in files if file not in [*opened.used, *beside, *of_truth]]
     if unused:
         raise InputError(f"{', '.join(sorted(unused))}: no sensor of the mapping reads it")
     chain, kept = chain_of(document, list(mapped))
@@ -84,7 +87,7 @@ def read(files: list[Path], options: Options) -> Recording:
     if len({file for one in mapped.values() for file, _ in one.read}) > 1:
         sensors = {name: one.sensor for name, one in mapped.items()}
         findings += share_clock(sensors)
-    return Recording(
+    recording = Recording(
         sensor_name(stem_without_stamp(files[0].stem)),
         spec.description,
         {name: one.sensor for name, one in mapped.items()},
@@ -92,6 +95,8 @@ def read(files: list[Path], options: Options) -> Recording:
         findings=findings,
         texts=kept,
     )
+    give_mapped_angles(recording, document, opened)
+    return recording
 
 
 def _analysis(

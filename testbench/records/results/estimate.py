@@ -351,6 +351,8 @@ class JointEstimate:
         sd: Standard uncertainty of the angles, where it is known, shape (n, 3) [rad].
         placements: By filter, how each sensor was placed on its segment, in words; empty on an arm,
             where the protocol states it.
+        true_clock: The joint's time against that of angles that another system gave of it; None
+            where it has none.
     """
 
     host_time_ns: np.ndarray
@@ -359,6 +361,7 @@ class JointEstimate:
     findings: list[Finding] = field(default_factory=list)
     sd: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
     placements: dict[str, dict[str, str]] = field(default_factory=dict)
+    true_clock: ClockFit | None = None
 
     def heading_series(self) -> dict[str, np.ndarray]:
         """Columns of what the joint's axes took out."""
@@ -436,6 +439,7 @@ class Estimate:
                         "placements": joint.placements,
                         "headings": list(joint.headings),
                         "findings": joint.findings,
+                        "true_clock": joint.true_clock,
                     }
                     for name, joint in self.joints.items()
                 },
@@ -515,6 +519,7 @@ class _JointSummary:
     headings: list[str]
     findings: list[Finding]
     placements: dict[str, dict[str, str]] = field(default_factory=dict)
+    true_clock: ClockFit | None = None
 
 
 @with_config(AS_WRITTEN)
@@ -606,7 +611,13 @@ def _read_joint(file: Path, summary: _JointSummary) -> JointEstimate:
         if row.sd
     }
     return JointEstimate(
-        table["host_time_ns"], angles, headings, summary.findings, sd, summary.placements
+        table["host_time_ns"],
+        angles,
+        headings,
+        summary.findings,
+        sd,
+        summary.placements,
+        summary.true_clock,
     )
 
 

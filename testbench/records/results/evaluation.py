@@ -20,6 +20,7 @@ from testbench.records.disk.tables import read_parquet, write_parquet
 from testbench.records.findings.earlier import sentences_to_findings
 from testbench.records.findings.finding import Finding
 from testbench.records.results.evaluation_rows import (
+    AngleErrorRow,
     Comparison,
     CycleRow,
     FieldErrorRow,
@@ -325,6 +326,7 @@ class ResultTables:
         noise: Of the sensors at rest.
         euler_ranges: How far the sensors' own Euler angles went.
         joint_summary: Flexion errors of whole sections, static and dynamic, with confidence.
+        angle_errors: Errors of each angle of joints of a body, with and without their mean.
         orientation_summary: Orientation errors of the session, static and dynamic, with confidence.
         orientation_sweeps: Orientation errors sweep by sweep.
         ranking: Places of the filters.
@@ -366,6 +368,7 @@ class ResultTables:
     noise: list[NoiseRow] = field(default_factory=list)
     euler_ranges: list[EulerRangeRow] = field(default_factory=list)
     joint_summary: list[JointSummary] = field(default_factory=list)
+    angle_errors: list[AngleErrorRow] = field(default_factory=list)
     orientation_summary: list[OrientationSummary] = field(default_factory=list)
     orientation_sweeps: list[OrientationSweepRow] = field(default_factory=list)
     ranking: list[RankRow] = field(default_factory=list)

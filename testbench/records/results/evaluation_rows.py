@@ -92,6 +92,41 @@ class JointSummary:
 
 
 @dataclass(frozen=True)
+class AngleErrorRow:
+    """Errors of one angle of a joint of a body by one filter, over all that is judged; degrees.
+
+    Attributes:
+        joint: Its name.
+        filter: That gave the orientations.
+        sequence: Label of the joint's definition.
+        angle: "first", "second" or "third" of it.
+        name: What the definition calls it.
+        flexion: Whether the definition takes it for the flexion, whose sign it then has.
+        n: Samples.
+        mean_error_deg: Of the signed errors: a constant offset shows in it.
+        rmse_deg: Root mean square of the errors, with all that is constant in them.
+        rmse_without_mean_deg: The same of the errors less their mean.
+        max_abs_error_deg: The largest magnitude.
+        correlation: Of estimated and true angle (Pearson); None where one of them stands still.
+        true_range_deg: Largest less smallest true angle.
+    """
+
+    joint: str
+    filter: str
+    sequence: str
+    angle: str
+    name: str
+    flexion: bool
+    n: int
+    mean_error_deg: Number
+    rmse_deg: Number
+    rmse_without_mean_deg: Number
+    max_abs_error_deg: Number
+    correlation: float | None
+    true_range_deg: Number
+
+
+@dataclass(frozen=True)
 class OrientationSummary:
     """Orientation errors of one sensor and filter over the session.
 

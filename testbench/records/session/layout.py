@@ -51,6 +51,11 @@ def truth_stream(sensor: str) -> str:
     return f"{_TRUTH}{sensor}"
 
 
+def angles_stream(joint: str) -> str:
+    """The table of a joint's angles according to another system."""
+    return f"angles_{joint}"
+
+
 def orientation_table(sensor: str) -> str:
     """The table of a sensor's orientations, or of their errors."""
     return f"orientation_{sensor}"

@@ -106,6 +106,20 @@ class SensorRecord(_Part):
     statistics: dict[str, Any] = {}
 
 
+class JointTruthRecord(_Part):
+    """What is known of the true angles that came with an import, of one joint.
+
+    Attributes:
+        truth: Where they come from.
+        same_clock: Whether their times are on the clock of the samples.
+        offset_s: What a person said is to be added to their times, and was.
+    """
+
+    truth: str | None = None
+    same_clock: bool = False
+    offset_s: float | None = None
+
+
 class ProtocolRecord(_Part):
     """What was run; of an import or a recording its name, and a sentence."""
 
@@ -249,6 +263,7 @@ class Manifest(_Part):
     Attributes:
         analysis: As it stands there; `Session.analysis` is what it means.
         analysis_request: How the run was to be analysed, where that is not as the protocol says.
+        true_angles: Joints whose angles another system gave, by name.
     """
 
     schema_version: int
@@ -281,6 +296,7 @@ class Manifest(_Part):
     findings: Annotated[list[Finding], BeforeValidator(_findings)] = []
     samples: dict[str, Annotated[int, Field(ge=0)]] = {}
     analysis: dict[str, Any] = {}
+    true_angles: dict[str, JointTruthRecord] = {}
     files: dict[str, str] = {}
 
     _content: dict[str, Any] = PrivateAttr(default_factory=dict)

@@ -299,3 +299,37 @@ class Truth:
                 for key, group in own.items()
             }
         )
+
+
+TRUE_ANGLES = [f"{which}_rad" for which in ("first", "second", "third")]
+
+
+@dataclass(frozen=True)
+class TrueAngles:
+    """Angles of a joint according to another system, as the joint's own definition writes them.
+
+    Attributes:
+        host_time_ns: Increasing, shape (n,), int64.
+        angles: The three angles, shape (n, 3) [rad]; NaN where unknown.
+    """
+
+    host_time_ns: np.ndarray
+    angles: np.ndarray
+
+    @property
+    def given(self) -> list[int]:
+        """Places of the angles that are known at some time."""
+        return np.flatnonzero(np.isfinite(self.angles).any(axis=0)).tolist()
+
+    def to_columns(self) -> dict[str, np.ndarray]:
+        """As columns for disk."""
+        return {"host_time_ns": self.host_time_ns} | split(TRUE_ANGLES, self.angles)
+
+    @staticmethod
+    def from_columns(table: dict[str, np.ndarray]) -> TrueAngles:
+        """Angles of columns on disk.
+
+        Args:
+            table: Columns by name, each of shape (n,).
+        """
+        return TrueAngles(table["host_time_ns"], join(table, TRUE_ANGLES))

@@ -31,6 +31,7 @@ from testbench.records.session.layout import (
     MANIFEST,
     ROBOT,
     URDF,
+    angles_stream,
     imu_stream,
     table_file,
     truth_stream,
@@ -38,7 +39,7 @@ from testbench.records.session.layout import (
 from testbench.records.session.manifest import Manifest
 from testbench.records.session.manifest import RunStatus as RunStatus  # its status is one of these
 from testbench.records.session.plan import PlannedCycles, PlannedStep
-from testbench.records.session.samples import ArmSamples, ImuSamples, Truth
+from testbench.records.session.samples import TRUE_ANGLES, ArmSamples, ImuSamples, TrueAngles, Truth
 from testbench.records.session.sensor_file import SensorFile, TruthFile
 from testbench.records.specs.protocol import Analysis
 from testbench.records.specs.robot import Robot, load_robot, robot_from_text
@@ -279,14 +280,41 @@ class Session:
     def truth_file(self, sensor: str) -> TruthFile | None:
         """The same, opened the first time that it is asked for."""
         self._check(sensor)
-        file = self.path / table_file(truth_stream(sensor))
-        if file.is_file() and sensor not in self._truths:
+        file = self._listed(truth_stream(sensor))
+        if file is not None and sensor not in self._truths:
             self._truths[sensor] = TruthFile(file)
+        return None if file is None else self._truths[sensor]
+
+    def true_angles(self, joint: str) -> TrueAngles | None:
+        """Angles of a joint according to another system, or None where there are none.
+
+        Args:
+            joint: Of the analysis.
+
+        Raises:
+            SessionError: They are missing, or damaged.
+        """
+        file = self._listed(angles_stream(joint))
+        if file is None:
+            return None
+        table = read_parquet(file)
+        missing = [name for name in ("host_time_ns", *TRUE_ANGLES) if name not in table]
+        if missing:
+            raise SessionError(f"{file} is damaged: it has no column {missing[0]}")
+        return TrueAngles.from_columns(table)
+
+    def _listed(self, stream: str) -> Path | None:
+        """The file of a table that a session may have, None where it has none.
+
+        Raises:
+            SessionError: It is missing, though the manifest lists it.
+        """
+        file = self.path / table_file(stream)
         if not file.is_file() and file.name in self.manifest.files:
             raise SessionError(
                 f"{file} is missing, though the manifest lists it; the session is damaged"
             )
-        return self._truths[sensor] if file.is_file() else None
+        return file if file.is_file() else None
 
     def arm(self) -> ArmSamples | None:
         """What the arm reported, or None when there was none."""

@@ -80,6 +80,7 @@ def joint_section(
             if str(found).startswith((f"{where}:", f"{where}, "))  # planners speak of it, too
         )
         section.blocks += _summaries(joint, rows, evaluation)
+        section.blocks += _by_angle(joint, evaluation)
         for name, own in by_section(rows).items():
             section.blocks += ranking_blocks(evaluation, joint, name)
             section.blocks += ranking_doubts(evaluation, joint, name)
@@ -179,6 +180,39 @@ def _summaries(joint: str, rows: list[JointRow], evaluation: Evaluation) -> list
             f"Spread, delay and settling of the flexion error: {joint}", names, spread
         ),
     ]
+
+
+def _by_angle(joint: str, evaluation: Evaluation) -> list[Block]:
+    """Errors of each angle of a joint of a body, with and without what is constant in them."""
+    rows = [row for row in evaluation.angle_errors if row.joint == joint]
+    if not rows:
+        return []
+    body = [
+        Row(
+            [
+                label(row.filter),
+                text(row.sequence),
+                text(row.name),
+                number(row.n, 0),
+                number(row.mean_error_deg, 2),
+                number(row.rmse_deg, 2),
+                number(row.rmse_without_mean_deg, 2),
+                number(row.correlation, 3),
+                number(row.true_range_deg, 1),
+            ]
+        )
+        for row in rows
+    ]
+    titles = ["mean e [deg]", "RMS e [deg]", "RMS e - mean [deg]", "correlation", "range [deg]"]
+    table = Table(
+        f"Errors of {joint} by angle",
+        header("filter", "sequence", "angle", "samples", *titles, numbers_from=3),
+        body,
+        "How to read: each angle by itself, over all that is judged. RMS e holds all that is "
+        "constant in the error, such as a zero that another pose or definition gave the truth; "
+        "the column beside it is without the mean. The range is that of the true angle.",
+    )
+    return [table]
 
 
 def _same_place(row: OutlierRow, item: JointSummary) -> bool:

@@ -58,6 +58,17 @@ TEMPLATES = {
         "its clock could not be fitted to the motion",
         "the times of the truth are taken as stated, {offset_s:+.3f} s added to them",
     ),
+    "clock.joint_as_stated": Template(
+        WARNING,
+        "its clock could not be fitted to the motion",
+        "the times of its true angles are taken as stated",
+    ),
+    "truth.angle_of_another": Template(
+        WARNING,
+        "the truth of its {angle} moves as its {other} does",
+        "two angles were exchanged, or the truth is of another definition",
+        "exchange them with --truth-angle, or in `truth_angles` of the mapping",
+    ),
     "clock.truth_unit": Template(
         WARNING,
         "the truth's times fit its motion when multiplied by {factor:g}",

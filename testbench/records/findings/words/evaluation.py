@@ -45,6 +45,35 @@ TEMPLATES = {
     "judged.joint_not_aligned": Template(
         WARNING, "{filters} not judged: a sensor of it was not aligned to the truth"
     ),
+    "judged.angles_not_aligned": Template(
+        WARNING, "{filters} not judged: its true angles could not be aligned in time"
+    ),
+    "truth.angles_exchanged": Template(
+        WARNING,
+        "the truth of its {angle} moves as its {other} does, and the other way round",
+        "two angles were exchanged, and the errors are those of the truth as it was read",
+        "exchange them with --truth-angle, or in `truth_angles` of the mapping",
+    ),
+    "truth.angle_unit": Template(
+        WARNING,
+        "the truth of its {angle} moves {ratio:.3g} times as far as the estimate does",
+        "degrees were taken for radians, or the other way round: times {factor:.3g} it would fit; "
+        "the errors are those of the truth as it was read",
+        "state the unit with --joint-unit, or with `unit` of `truth_angles` in the mapping",
+    ),
+    "truth.angle_reversed": Template(
+        WARNING,
+        "the truth of its {angle} runs against the estimate (correlation {correlation:.2f})",
+        "one of the two counts the other way, and the errors are those of the truth as it was read",
+        "a minus before its column turns it: --truth-angle JOINT.ANGLE=-COLUMN",
+    ),
+    "truth.angle_offset": Template(
+        NOTE,
+        "the estimate of its {angle} is {offset_deg:+.1f} deg from the truth throughout, and "
+        "follows it to {spread_deg:.1f} deg RMS beside that",
+        "its zero is that of another pose or definition, or the placement is off: that is part of "
+        "the errors, and the table by angle gives them without it, too",
+    ),
     "judged.truth_lost": Template(
         NOTE, "{count} of {samples} samples not judged: the truth is not known there"
     ),

@@ -39,6 +39,24 @@ TEMPLATES = {
         "they are taken for q_world_from_body, w first",
         "`truth` in a mapping of the generic format states another order or direction",
     ),
+    "truth.angles": Template(
+        NOTE,
+        "its truth is {rows} rows of {system}: {columns}",
+        "a minus before a column takes its sign the other way",
+        "--truth-angle JOINT.ANGLE=COLUMN says otherwise",
+    ),
+    "truth.angles_guessed": Template(
+        NOTE,
+        "the truth is taken by the names of its columns for {columns}",
+        "knees of OpenSim's models bend to positive angles, but for those of gait2392",
+        "--truth-angle JOINT.ANGLE=COLUMN says otherwise, JOINT.ANGLE=-COLUMN the other sign",
+    ),
+    "truth.angles_lost": Template(
+        WARNING,
+        "{lost} of {rows} rows of the truth are empty, and known rows are up to {longest_s:.2f} s "
+        "apart",
+        "nothing is judged between rows that are more than 0.2 s apart",
+    ),
     "truth.tracked": Template(
         NOTE,
         "the truth is {frames} frames of {system}, the first at host time {first_s:g} s",

@@ -8,6 +8,7 @@ flexes from 0 to 120 deg. All else has one sign in both: that of the ISB's angle
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -45,8 +46,6 @@ COORDINATES: dict[Model, dict[tuple[JointKind, int], tuple[str, int]]] = {
 """Coordinate without its side, and its sign, by joint and angle of the ISB's three. The subtalar
 coordinate of both turns about an oblique axis: the ISB's inversion is none."""
 FILES: dict[Model, str] = {"rajagopal": "Rajagopal2016", "gait2392": "gait2392_simbody"}
-
-
 BODIES: dict[str, str] = {
     "pelvis": "pelvis",
     "sacrum": "pelvis",
@@ -101,19 +100,63 @@ def anatomical_columns(
         By column, shape (n,) each [rad]; None for a joint that is none of the body's, or whose
         angles are not those of the ISB's axes.
     """
+    own = isb_angles(name, joint)
+    if own is None:
+        return None
+    columns = {}
+    for i, (word, sign) in enumerate(zip(own.words, own.signs, strict=True)):
+        coordinate, counted = own.coordinate(i, model)
+        columns[coordinate or f"{name}_{word}"] = counted * sign * angles[:, i]
+    return columns
+
+
+@dataclass(frozen=True)
+class IsbAngles:
+    """What the ISB calls the three angles of a joint, and how they are counted.
+
+    Attributes:
+        kind: Which joint it is.
+        side: Of the body.
+        words: Of the angles, such as internal_rotation.
+        signs: By which the angles of the joint's own definition are theirs, shape (3,).
+    """
+
+    kind: JointKind
+    side: Side
+    words: list[str]
+    signs: np.ndarray
+
+    def coordinate(self, place: int, model: Model, side: Side | None = None) -> tuple[str, int]:
+        """Coordinate of a model that is one of the angles, and its sign; "" where it has none.
+
+        Args:
+            place: Of the angle.
+            model: Whose coordinates are meant.
+            side: Of the body, in place of its own.
+        """
+        coordinate, sign = COORDINATES[model].get((self.kind, place), ("", 1))
+        return (f"{coordinate}_{(side or self.side)[0]}" if coordinate else ""), sign
+
+
+def isb_angles(name: str, joint: JointDefinition) -> IsbAngles | None:
+    """The angles of a joint in the words of the ISB.
+
+    Args:
+        name: Of the joint.
+        joint: As defined.
+
+    Returns:
+        None for a joint that is none of the body's, or whose angles are not those of the ISB's
+        axes.
+    """
     kind = kind_of(name, joint)
     if kind is None or not is_anatomical(joint):
         return None
     side = _side(name, joint)
     meant = FlexionAngle(definition=JointRotation(isb=kind, side=side))
-    words = decomposition_of(meant).names
+    words = [word.replace(" ", "_") for word in decomposition_of(meant).names]
     signs = np.ones(3) if joint.label == meant.label else _signs(meant)
-    columns = {}
-    for i, word in enumerate(words):
-        coordinate, sign = COORDINATES[model].get((kind, i), ("", 1))
-        title = f"{coordinate}_{side[0]}" if coordinate else f"{name}_{word.replace(' ', '_')}"
-        columns[title] = sign * signs[i] * angles[:, i]
-    return columns
+    return IsbAngles(kind, side, words, signs)
 
 
 def _signs(meant: FlexionAngle) -> np.ndarray:
