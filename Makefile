@@ -6,8 +6,8 @@ SHELL := /bin/sh
 VENV := .venv
 BIN := $(VENV)/bin
 PROTOCOL ?= protocols/elbow_flexion.yaml
-# One more than cores: some tests wait for a client library, a device or a browser.
-PYTEST_WORKERS ?= 3
+# Two more than cores: some tests wait for a client library, a device or a browser.
+PYTEST_WORKERS ?= 4
 PYTEST_ARGS ?=
 # An interpreter to prefer over what is found: make setup PYTHON=/path/to/python3.12
 PYTHON ?=
@@ -60,7 +60,7 @@ reproduce: setup ## Run the published experiments on the simulated bench, their 
 	$(BIN)/testbench study --reproduce --parts 1
 
 # A file stays on one worker, for its tests share what takes long to make; the slow files come first.
-test: setup ## Run all tests (PYTEST_ARGS="-k name", PYTEST_WORKERS=3)
+test: setup ## Run all tests (PYTEST_ARGS="-k name", PYTEST_WORKERS=4)
 	$(BIN)/python -m pytest -q -n $(PYTEST_WORKERS) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 check: setup ## Check format, lint, types and the direction of imports
