@@ -58,10 +58,12 @@ def _integer(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int | float:
 
 _Loader.add_constructor("tag:yaml.org,2002:int", _integer)
 
-_TAGS: dict[type[yaml.Node], tuple[str, ...]] = {
-    yaml.ScalarNode: ("str", "int", "float", "bool", "null"),
-    yaml.SequenceNode: ("seq",),
-    yaml.MappingNode: ("map",),
+_TAGS: dict[type[yaml.Node], set[str]] = {
+    yaml.ScalarNode: {
+        f"tag:yaml.org,2002:{name}" for name in ("str", "int", "float", "bool", "null")
+    },
+    yaml.SequenceNode: {"tag:yaml.org,2002:seq"},
+    yaml.MappingNode: {"tag:yaml.org,2002:map"},
 }
 
 
@@ -218,7 +220,7 @@ def _construct(
         return refuse(f"nested deeper than {DEEPEST_NESTING} levels")
     if isinstance(node.value, str) and not _is_unicode(node.value):
         return refuse("holds half of a surrogate pair, which is no character")
-    if node.tag not in {f"tag:yaml.org,2002:{name}" for name in _TAGS[type(node)]}:
+    if node.tag not in _TAGS[type(node)]:
         return refuse(f"the tag {node.tag.replace('tag:yaml.org,2002:', '!!')} is not allowed")
     if not isinstance(node, yaml.ScalarNode):
         if id(node) in seen:
@@ -255,7 +257,7 @@ def _construct(
 
 
 def _is_unicode(text: str) -> bool:
-    return not any("\ud800" <= c <= "\udfff" for c in text)
+    return text.isascii() or not any("\ud800" <= c <= "\udfff" for c in text)
 
 
 def few(problems: list[Problem]) -> list[Problem]:
