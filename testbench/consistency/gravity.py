@@ -13,7 +13,9 @@ GRAVITY_WITHIN = 0.35
 UNIT_WITHIN = 0.25
 """A unit must bring it so near."""
 ONE_G_WITHIN = 0.03
-"""|acc| at rest is one of some unit, or so near: gravity in g, even if motion does not show it."""
+"""|acc| at rest is one of some unit, or so near: gravity in g, if its rests show it, even if
+motion does not.
+"""
 REMOVED_BELOW = 0.35
 """Part of gravity below which it seems to have been removed."""
 MOSTLY = 0.5
@@ -50,7 +52,7 @@ def check_gravity(looked: Looked) -> bool:
         turned is None
         or ratio > REMOVED_BELOW
         or abs(turned - norm) < UNIT_WITHIN * norm
-        or abs(norm - 1) < ONE_G_WITHIN
+        or (abs(norm - 1) < ONE_G_WITHIN and looked.rests.show_gravity)
     )
     if fitting and like_gravity:
         looked.tell("acc_unit", norm_m_s2=norm, when=where, unit=fitting[0])

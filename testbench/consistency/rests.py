@@ -26,6 +26,10 @@ AGREE = 0.01
 """Rests tell the bias if what they read differs by less (median deviation) [rad/s]; steady slow
 turning passes for a rest.
 """
+OTHER_WAY = np.radians(20.0)
+"""Rests in poses that differ by so much show gravity from another side [rad]."""
+AS_LONG = 0.1
+"""Part of the norm by which half of the rests may differ: parts are off by 10 % uncalibrated."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,20 @@ class Rests:
         if not known.any():
             return None
         return float(np.median(np.linalg.norm(self.acc[known], axis=1)))
+
+    @property
+    def show_gravity(self) -> bool:
+        """Whether what is read points another way in some of them and is about as long in all, as
+        gravity does and is where the pose is another one. A bias does not turn, and what a moving
+        body adds to it is of any length.
+        """
+        known = self.acc[np.isfinite(self.acc).all(axis=1)]
+        if len(known) < FEWEST:
+            return False
+        usual, norms = np.median(known, axis=0), np.linalg.norm(known, axis=1)
+        low, middle, high = np.quantile(norms, [0.25, 0.5, 0.75])
+        turned = known @ usual < np.cos(OTHER_WAY) * norms * np.linalg.norm(usual)
+        return bool(turned.any() and high - low < AS_LONG * middle)
 
     @property
     def bias(self) -> np.ndarray | None:

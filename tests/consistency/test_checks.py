@@ -98,3 +98,12 @@ def test_what_cannot_be_right_is_asked_about_unless_it_was_confirmed(known: Know
     with pytest.raises(InputError, match=r"sensor 'imu'.*looks like g taken.*--unit acc=UNIT"):
         refuse_contradictions("imu", found)
     refuse_contradictions("imu", found, {"acc"})
+
+
+@pytest.mark.parametrize("seed", [38, 80])
+def test_a_bias_of_one_is_not_gravity_in_g(seed: int):
+    (removed,) = (fault for fault in FAULTS if fault.name == "acc: gravity removed")
+    without = removed.put(simulated(seed).samples)
+    told = {found.code: found for found in check_samples([without])}
+    assert told["consistency.no_gravity"].values["norm_m_s2"] == pytest.approx(1, abs=0.02)
+    assert "consistency.acc_unit" not in told
