@@ -137,6 +137,14 @@ def test_qualisys_markers(tmp_path, motion, load, titles):
     check(load(mocap.write_qualisys(tmp_path / "m.tsv", 100.0, markers, titles), MARKERS), q)
 
 
+def test_decimal_commas_of_a_motion_capture_export_are_read(tmp_path, motion, load):
+    q = motion(600).q
+    path = mocap.write_qualisys(tmp_path / "m.tsv", 100.0, mocap.placed(q), True)
+    header, titles, rows = path.read_text().partition("Frame\t")
+    path.write_text(header + titles + rows.replace(".", ","))
+    check(load(path, MARKERS), q)
+
+
 @pytest.mark.parametrize("by_rows", [False, True])
 def test_qualisys_bodies_in_the_reading_that_their_angles_confirm(tmp_path, motion, load, by_rows):
     q = motion(600).q
