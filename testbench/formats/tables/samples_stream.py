@@ -149,7 +149,7 @@ class SampleStream:
     def _rows(self) -> Iterator[Rows]:
         """Rows with their times, mended where they are stamped."""
         timeline = self._timeline()
-        needed = self._kinds | ({self._counter: "integer"} if self._counter else {})
+        needed = self.needed
         if self._like is not None:
             needed = self._like.needed | needed
         kinds = needed | timeline.kinds
