@@ -283,6 +283,7 @@ class Reading:
         one_axis: Whether all turning is about one axis. Accelerations of a pendulum go with it, and
             a reading that puts that axis along gravity fits them as well as the right one.
         explained: Part of the scatter that turning explains.
+        scale_open: Whether half or twice the scale fits hardly worse.
     """
 
     pair: Pair
