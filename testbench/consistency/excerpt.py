@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from testbench.consistency.traits import ABSURD
 from testbench.frames import NANOSECONDS
 from testbench.records.session.samples import ImuSamples
 
@@ -27,8 +28,6 @@ STRETCH_S = 10.24
 """What is kept or dropped together, by the stamps."""
 MOST_STEPS = 120 * 1024
 """Steps kept of a recording, 20 min at 100 Hz; the memory of the checks, and their time."""
-ABSURD = 1e9
-"""A number beyond this is no reading in any unit; the mean of any with one is not used, either."""
 STUCK = 4
 """So many repetitions of all readings in a row are no measurement, if the sensor seems to turn: a
 coarse one at rest, or one without noise, repeats itself.

@@ -43,6 +43,8 @@ LEAST_SCALE_RATIO = 0.4
 """Another scale fits better if it leaves by so much less (mean logarithm of the squares)."""
 ONE_AXIS = 0.01
 """Turning about one axis: across it is less than this part of the rates' variance."""
+PRIOR_BIAS = np.radians(10.0)
+"""What a fitted bias may be, about what it is at rest [rad/s]."""
 BIAS_WITHIN, REST_WITHIN = np.radians(30.0), np.radians(3.0)
 """A fitted bias may be so large, or differ by so much from what is read at rest, for slow turning
 passes for rest [rad/s].
@@ -253,7 +255,7 @@ class Pair:
             )
             left = np.einsum("w,wbik,wbil->kl", weight, slopes, slopes)
             right = np.einsum("w,wbik,wbi->k", weight, slopes, begin)
-            prior = np.eye(3) * self.windows.independent / np.radians(10) ** 2
+            prior = np.eye(3) * self.windows.independent / PRIOR_BIAS**2
             bias = bias - np.linalg.solve(left + prior, right)
         return bias
 
@@ -283,6 +285,7 @@ class Reading:
         one_axis: Whether all turning is about one axis. Accelerations of a pendulum go with it, and
             a reading that puts that axis along gravity fits them as well as the right one.
         explained: Part of the scatter that turning explains.
+        scale_open: Whether half or twice the scale fits hardly worse.
     """
 
     pair: Pair

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.consistency.fits import FEW_WINDOWS, FLOOR, Pair, is_clear
+from testbench.consistency.fits import FEW_WINDOWS, FLOOR, PRIOR_BIAS, Pair, is_clear
 
 RANGE = (0.4, 2.5)
 """Gains that are looked among; beyond, they are those of another range, or rate."""
@@ -25,8 +25,6 @@ LEAST_ERRORS = 4.0
 ROUNDS = 3
 STILL = 0.1
 """A gain has settled when a round changes it by less than so many of its standard errors."""
-PRIOR_BIAS = np.radians(10.0)
-"""What the bias may be, about what it is at rest [rad/s]."""
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,9 @@ class Looked:
         seconds: Of a step, by the sensor's stamps.
         findings: So far.
         unchecked: What its motion does not show.
+        rests: What was read at rest, once it is looked for.
+        by_gravity: How the gyroscope fits gravity; None where that was not compared.
+        gain: How many times what it reads the gyroscope turned; None where nothing tells.
     """
 
     excerpt: Excerpt

@@ -12,16 +12,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from testbench.frames import STANDARD_GRAVITY
 from testbench.records.session.samples import ImuSamples
 
 TRIADS = ("gyr", "acc", "mag")
 QUANTITIES = (*TRIADS, "device_q")
-MOST = {"gyr": np.radians(4000.0), "acc": 200 * 9.80665, "mag": 5000.0}
+MOST = {"gyr": np.radians(4000.0), "acc": 200 * STANDARD_GRAVITY, "mag": 5000.0}
 """Beyond these no sensor of motion reads [rad/s], [m/s^2], [uT]: +-4000 deg/s (TDK ICM-20649, ST
 LSM6DSV), +-200 g (Analog Devices ADXL375), +-4912 uT (AKM AK8963), by their data sheets.
 """
 ABSURD = 1e9
-"""Beyond this a number is no reading in any unit."""
+"""Beyond this a number is no reading in any unit; the mean of any with one is not used, either."""
 BLOCK, BLOCKS, MOST_BLOCKS = 64, 32, 512
 """Rows of a block that tells the noise, blocks of a chunk, and of a recording."""
 WHITE = 1.4
@@ -103,6 +104,7 @@ class QuantityTraits:
     """What is known of one quantity.
 
     Attributes:
+        key: Which it is, of `QUANTITIES`.
         repeated: Runs of identical readings.
         missing: Runs of rows without a reading.
         zero: Rows that read exactly 0 in every axis.

@@ -194,7 +194,7 @@ def prepare_sensor(
         flagged=quality.flagged,
         clock=clock,
         calibration=calibration,
-        quality=quality.counts(),
+        quality=quality.numbers,
         findings=findings,
         timing=access.timing(description.rate_hz, _rate_age(description)),
         every=access.every,

@@ -6,6 +6,7 @@ format's own clock is shared, its importer knows.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 from testbench.formats.recording import ImportedSensor
@@ -71,6 +72,22 @@ def share_clock(
         if truth is not None:  # it began with its sensor
             sensors[key].truth = replace(truth, host_time_ns=truth.host_time_ns + later)
     return [common_clock(name, [begins[key] for key in order])]
+
+
+def share_origin(sensors: Iterable[ImportedSensor]) -> int:
+    """Let host time zero be the first stamp of all sensors, whose clock is one by their format.
+
+    Args:
+        sensors: One of them a stream at least.
+
+    Returns:
+        That stamp [ns].
+    """
+    streams = [own.chunks for own in sensors if isinstance(own.chunks, SampleStream)]
+    origin = min(stream.first_time_ns() for stream in streams)
+    for stream in streams:
+        stream.origin_ns = origin
+    return origin
 
 
 def unix_zero_ns(sensor: ImportedSensor) -> int | None:

@@ -53,7 +53,7 @@ def test_a_fault_is_flagged_where_it_is(reason, spoil):
     spoil(samples)
     quality = gates(samples)
     assert np.flatnonzero(quality.flags[reason]).tolist() == list(range(50, 60))
-    assert quality.counts()[reason] == 10
+    assert quality.numbers[reason] == 10
     assert quality.flagged.sum() == 10
 
 
@@ -61,7 +61,7 @@ def test_a_model_without_noise_is_not_called_stuck_for_being_at_rest_and_a_senso
     still = recording(noise=0.0)
     model, _ = assess(still, np.ones(N, dtype=bool), Belief(has_noise=False))
     assert not model.flagged.any()
-    assert gates(still).counts()["stuck"] == N
+    assert gates(still).numbers["stuck"] == N
 
 
 def test_a_model_without_noise_may_rest_in_a_recording_that_moves_for_the_most_part():
@@ -69,7 +69,7 @@ def test_a_model_without_noise_may_rest_in_a_recording_that_moves_for_the_most_p
     for column in (samples.gyr, samples.acc):
         column[:800] = column[0]
     at_rest = np.arange(N) < 800
-    assert assess(samples, at_rest)[0].counts()["stuck"] == 799
+    assert assess(samples, at_rest)[0].numbers["stuck"] == 799
     assert not assess(samples, at_rest, Belief(has_noise=False))[0].flagged.any()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 from pathlib import Path
 
 import numpy as np
@@ -137,6 +138,14 @@ def test_qualisys_markers(tmp_path, motion, load, titles):
     check(load(mocap.write_qualisys(tmp_path / "m.tsv", 100.0, markers, titles), MARKERS), q)
 
 
+def test_decimal_commas_of_a_motion_capture_export_are_read(tmp_path, motion, load):
+    q = motion(600).q
+    path = mocap.write_qualisys(tmp_path / "m.tsv", 100.0, mocap.placed(q), True)
+    header, titles, rows = path.read_text().partition("Frame\t")
+    path.write_text(header + titles + rows.replace(".", ","))
+    check(load(path, MARKERS), q)
+
+
 @pytest.mark.parametrize("by_rows", [False, True])
 def test_qualisys_bodies_in_the_reading_that_their_angles_confirm(tmp_path, motion, load, by_rows):
     q = motion(600).q
@@ -197,6 +206,23 @@ def test_a_damaged_text_is_refused_with_its_line(tmp_path, motion, load, change,
     cut = path.read_text()[:-40]
     path.write_text(cut)
     with pytest.raises(FileProblems, match=r"the file may be cut off|neither|soon"):
+        load(path, MARKERS)
+
+
+@pytest.mark.parametrize("system", ["motive", "qualisys"])
+def test_frames_whose_stamps_stand_still_come_at_the_rate_of_the_file(
+    tmp_path, motion, load, system
+):
+    q = motion(600).q
+    path, markers = tmp_path / "take.csv", mocap.placed(q)
+    if system == "motive":
+        mocap.write_motive(path, 100.0, markers, q, "Quaternion")
+    else:
+        mocap.write_qualisys(path, 100.0, markers, True)
+    path.write_text(re.sub(r"(?m)^(\d+[,\t])[^,\t]+", r"\g<1>0", path.read_text()))
+    check(load(path, MARKERS), q)
+    path.write_text(path.read_text().replace("100", "EXT", 1))
+    with pytest.raises(FileProblems, match="do not increase, and it states no rate; state one"):
         load(path, MARKERS)
 
 

@@ -13,11 +13,14 @@ whoever knows whether the field points down there or up.
 
 from __future__ import annotations
 
-from itertools import permutations, product
+from itertools import permutations
 
 import numpy as np
 
-from testbench.frames import NANOSECONDS
+from testbench.consistency.gain import GAIN_WITHIN as GYR_GAIN_WITHIN
+from testbench.consistency.refused import WORDS
+from testbench.consistency.turning import MAPS, names_of
+from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.truth import truth_at
 from testbench.records.findings.catalogue import finding
@@ -84,20 +87,14 @@ def findings_on(axes: dict[str, AxisFinding]) -> list[Finding]:
     return [found for found in looked if found is not None]
 
 
-NAMES = {
-    "gyr": "gyroscope",
-    "acc": "accelerometer",
-    "mag": "magnetometer",
-    "device_q": "quaternion",
-}
 MOST_CROOKED_DEG = 30.0
 GAINS = {
     "gyr": (180 / np.pi, "deg/s were taken for rad/s"),
-    "acc": (1 / 9.80665, "g were taken for m/s^2"),
+    "acc": (1 / STANDARD_GRAVITY, "g were taken for m/s^2"),
 }
-GAIN_WITHIN, GYR_GAIN_WITHIN = 0.25, 0.08
+GAIN_WITHIN = 0.25
 """A triad may read by so much more or less than it felt; a gyroscope whose motion is understood by
-so much: parts are right to 3 %, and 2 % more over temperature (data sheet of the MPU-6050).
+`GYR_GAIN_WITHIN`, as against gravity.
 """
 SURE = 0.95
 """Part of the readings' variance that is explained where their size is believed [1]."""
@@ -108,7 +105,7 @@ def _is_sure(own: AxisFinding) -> bool:
 
 
 def _odd(triad: str, own: AxisFinding) -> Finding | None:
-    name = NAMES[triad]
+    name = WORDS[triad]
     if own.axes is None:
         return None
     if triad == "device_q":
@@ -129,6 +126,8 @@ def _odd(triad: str, own: AxisFinding) -> Finding | None:
 
 
 STRAIGHT = "x: +x, y: +y, z: +z"
+BRIEF_NS = NANOSECONDS // 10
+"""Between orientations that lie closer a rate is mostly their noise [ns]."""
 LEVEL_DEG = 5.0
 """A field that dips by less does not tell which way is up [deg]."""
 
@@ -150,7 +149,8 @@ def true_rates(
         truth: Of the sensor.
         time_ns: The times, shape (n,) [ns].
         over_s: Length of the interval about each time that the rate is the mean of [s], as of a
-            sensor that integrates; the rate at the instant if 0.
+            sensor that integrates; if 0 the truth's own rate at the instant, and of a truth
+            without rates the mean over `BRIEF_NS`.
 
     Returns:
         The rate, shape (n, 3) [rad/s], and where it is known, shape (n,), bool.
@@ -160,7 +160,7 @@ def true_rates(
             [np.interp(time_ns, truth.host_time_ns, column) for column in truth.rate.T]
         )
         return rate, np.isfinite(rate).all(axis=1) & np.isfinite(truth_at(truth, time_ns)[:, 0])
-    half = round(over_s / 2 * NANOSECONDS) or NANOSECONDS // 20
+    half = round(over_s / 2 * NANOSECONDS) or BRIEF_NS // 2
     before, after = truth_at(truth, time_ns - half), truth_at(truth, time_ns + half)
     sound = np.isfinite(before[:, 0]) & np.isfinite(after[:, 0])
     rate = np.zeros((len(time_ns), 3))
@@ -214,7 +214,10 @@ def _triad(read: np.ndarray, felt: np.ndarray, least: float) -> AxisFinding:
     nearest[rows, places] = np.sign(full[rows, places])
     crooked = rotation.angle(rotation.from_matrix(rotation.nearest_rotation(full @ nearest.T)))
     right = bool(np.linalg.det(nearest) > 0) if len(columns) == 3 else None
-    return AxisFinding(_text(nearest), right, gain, float(np.degrees(crooked)), agreement, unseen)
+    # readings = nearest @ felt
+    return AxisFinding(
+        names_of(nearest.T), right, gain, float(np.degrees(crooked)), agreement, unseen
+    )
 
 
 def _alone(spread: np.ndarray, j: int) -> float:
@@ -223,26 +226,6 @@ def _alone(spread: np.ndarray, j: int) -> float:
         spread[j, others] @ np.linalg.pinv(spread[np.ix_(others, others)]) @ spread[others, j]
     )
     return float(np.sqrt(max(spread[j, j] - explained, 0.0)))
-
-
-def _text(nearest: np.ndarray) -> str:
-    """Which axis of the file each axis of the sensor is, as `testbench import --axes` takes it.
-
-    Readings = nearest @ felt.
-    """
-    entries = []
-    for j, axis in enumerate(AXES):
-        i = int(np.argmax(np.abs(nearest[:, j])))
-        entries.append(f"{axis}: {'+' if nearest[i, j] > 0 else '-'}{AXES[i]}")
-    return ", ".join(entries)
-
-
-def _signed_permutations() -> list[np.ndarray]:
-    return [
-        np.diag(signs)[:, list(order)].astype(float)
-        for order in permutations(range(3))
-        for signs in product((1, -1), repeat=3)
-    ]
 
 
 def _magnetometer(
@@ -258,7 +241,7 @@ def _magnetometer(
     # world field of axis i of the readings as axis j of the sensor: R[:, :, j] read[:, i]; its mean
     # is linear in the map
     mean = np.einsum("nkj,ni->kji", R, read) / len(read)
-    maps = [nearest for nearest in _signed_permutations() if np.linalg.det(nearest) > 0]
+    maps = [nearest for nearest in MAPS if np.linalg.det(nearest) > 0]
     strength = (
         np.array([np.sum(np.einsum("kji,ij->k", mean, nearest) ** 2) for nearest in maps]) / power
     )
@@ -270,7 +253,7 @@ def _magnetometer(
     field = np.einsum("kji,ij->k", mean, nearest)
     down = float(field @ gravity / np.linalg.norm(field) / np.linalg.norm(gravity))
     dip = float(np.degrees(np.arcsin(np.clip(down, -1.0, 1.0))))
-    return AxisFinding(_text(nearest), None, None, None, float(1 - best), [], dip)
+    return AxisFinding(names_of(nearest.T), None, None, None, float(1 - best), [], dip)
 
 
 AS_DOCUMENTED = "w x y z, earth from sensor, z up"

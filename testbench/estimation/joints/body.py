@@ -16,6 +16,7 @@ from testbench.estimation.joints.facing import (
     Facing,
     Relative,
     Unknown,
+    chained,
     find_facing,
     relative_headings,
 )
@@ -248,15 +249,7 @@ def _as_stated(
             "earth of its own for each, and the joint's centre moves too little to tell",
             "a filter with a magnetometer, a brisk motion, or the joint's axes (constraint)",
         )
-    first = next(iter(joints.values())).proximal
-    headings = {first: 0.0}
-    for _ in joints:
-        for name, joint in joints.items():
-            apart = relative[name].heading if name in relative else 0.0
-            if joint.proximal in headings:
-                headings.setdefault(joint.distal, headings[joint.proximal] - apart)
-            elif joint.distal in headings:
-                headings[joint.proximal] = headings[joint.distal] + apart
+    headings = chained(joints, {name: own.heading for name, own in relative.items()})
     placed = {
         name: as_stated(stated_axes(recording.body, name), heading, sd)
         for name, heading in headings.items()

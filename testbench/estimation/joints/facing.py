@@ -149,7 +149,7 @@ def find_facing(
             "a filter with a magnetometer, walking or another brisk motion, or alignment.forward "
             "for both sensors",
         )
-    apart = _chained(joints, headings)
+    apart = chained(joints, headings)
     if stated:
         name, told = next(iter(stated.items()))
         common, sd, by = told - apart[name], STATED_SD, f"the stated axis of {name}"
@@ -177,16 +177,22 @@ def _stated_pairs(
     return headings, sds
 
 
-def _chained(joints: Mapping[str, BodyJoint], between: Mapping[str, float]) -> dict[str, float]:
-    """Facing of each sensor less that of the first, along the joints."""
+def chained(joints: Mapping[str, BodyJoint], between: Mapping[str, float]) -> dict[str, float]:
+    """Heading of one world in the earth of each sensor less that in the first's, along the joints.
+
+    Args:
+        joints: That hang together, by name.
+        between: Heading that turns the earth of the distal sensor into that of the proximal one, by
+            joint [rad]; 0 where it is not told.
+    """
     first = next(iter(joints.values())).proximal
     found = {first: 0.0}
     for _ in joints:
         for name, joint in joints.items():
             if joint.proximal in found and joint.distal not in found:
-                found[joint.distal] = found[joint.proximal] - between[name]
+                found[joint.distal] = found[joint.proximal] - between.get(name, 0.0)
             elif joint.distal in found and joint.proximal not in found:
-                found[joint.proximal] = found[joint.distal] + between[name]
+                found[joint.proximal] = found[joint.distal] + between.get(name, 0.0)
     return found
 
 

@@ -28,13 +28,11 @@ class HeadingDrift:
     """Of one sensor by one filter.
 
     Attributes:
-        time_ns: Host time, shape (n,) [ns].
         astray: How far the heading has turned beside the measured rate, shape (n,) [rad].
         rate_sd: Standard uncertainty of the bias that the rest shows [rad/s].
         walk: Of the integral of the rate's noise [rad / sqrt(s)].
     """
 
-    time_ns: np.ndarray
     astray: np.ndarray
     rate_sd: float
     walk: float
@@ -67,7 +65,7 @@ def heading_drift(
     measured = rotation.rotate(q_earth_from_sensor[1:], rate[1:] - bias)[:, 2] * steps
     apart = np.where(steps <= LONGEST_STEP * usual, measured - turned, 0.0)
     astray = np.concatenate([[0.0], np.cumsum(np.nan_to_num(apart))])
-    return HeadingDrift(time_ns, astray, float(1 / np.sqrt(weights.sum())), walk)
+    return HeadingDrift(astray, float(1 / np.sqrt(weights.sum())), walk)
 
 
 def _bias(rate: np.ndarray, interval: float, walk: float) -> tuple[np.ndarray, float]:

@@ -17,6 +17,7 @@ import numpy as np
 from testbench.consistency import Consistency
 from testbench.consistency.doubtful import BIT, CLIPPED_RATE, Belief, Gates, without
 from testbench.consistency.looked import Up
+from testbench.consistency.refused import PIECE
 from testbench.consistency.traits import Traits, finite_rows
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
@@ -48,8 +49,6 @@ MOST_AT_ONCE = 4_000_000
 """A filter that needs the whole recording still gets so many samples of a sensor at once: about 0.5
 GB.
 """
-PIECE = 131_072
-"""Samples of a long recording that are in memory at once."""
 OF_EACH_PIECE = 4_096
 """Intervals of each piece that tell the usual one."""
 

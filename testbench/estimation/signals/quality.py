@@ -66,10 +66,6 @@ class Quality:
         counted = {reason: int(flags.sum()) for reason, flags in further.items()}
         return Quality(self.flags | further, self.findings, self.numbers | counted)
 
-    def counts(self) -> dict[str, int]:
-        """Number of samples refused by each gate."""
-        return self.numbers
-
 
 class AfterGaps:
     """Flags the samples after a gap until a filter has settled again; goes on from call to call.

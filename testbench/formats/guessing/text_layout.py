@@ -31,7 +31,7 @@ def find_layout(file: Path) -> tuple[TextLayout, list[list[str]]]:
         encoding = "cp1252"
         lines = head_of(file, encoding)
     for at, line in enumerate(lines):
-        if not line.strip() or line.strip(' "').lower().startswith("sep="):
+        if not line.strip() or _is_sep(line):
             continue
         separator = guess_separator(line)
         titles = split_line(line.lstrip("#% "), separator)

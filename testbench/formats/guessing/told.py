@@ -24,7 +24,8 @@ SLOWEST, FASTEST = 4.0, 4000.0
 """Rates of inertial sensors [Hz]: just three decades, so that one unit of time fits at most."""
 STAMP_UNITS = ("s", "ms", "us", "ns")
 FIELDS = {"uT": (15.0, 120.0), "mG": (150.0, 1200.0), "nT": (15e3, 120e3), "G": (0.15, 0.65)}
-"""Strengths of magnetic fields that sensors meet; the earth's is 25 to 65 uT (IGRF-13)."""
+"""Strengths of magnetic fields that sensors meet; the earth's is 22 to 67 uT (World
+Magnetic Model 2025)."""
 MOST_BACK = 1e-3
 """Part of the steps of a clock that may go back: those of a board that booted anew."""
 MOST_TRIADS = 10

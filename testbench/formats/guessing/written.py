@@ -11,8 +11,7 @@ import yaml
 from testbench.exceptions import InputError
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_/^]*")
-_OTHER_WORDS = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"}
-_TITLE_AXES = {"y", "n"}
+_OTHER_WORDS = {"true", "false", "null", "yes", "no", "on", "off"}
 
 
 class _Writer(yaml.SafeDumper):
@@ -20,9 +19,7 @@ class _Writer(yaml.SafeDumper):
 
 
 def _quoted(writer: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    plain = _PLAIN.fullmatch(text) and (
-        text.lower() not in _OTHER_WORDS or text.lower() in _TITLE_AXES
-    )
+    plain = _PLAIN.fullmatch(text) and text.lower() not in _OTHER_WORDS
     return writer.represent_scalar("tag:yaml.org,2002:str", text, style=None if plain else '"')
 
 

@@ -16,6 +16,7 @@ from testbench.formats.truth.angle_names import stated_angles
 from testbench.formats.truth.angle_table import AngleTable, angles_of
 from testbench.formats.truth.angles import give_angles
 from testbench.formats.truth.times import later_than_samples_ns
+from testbench.frames import NANOSECONDS
 from testbench.records.disk.yaml_file import YamlDocument
 from testbench.records.session.manifest import JointTruthRecord
 
@@ -54,7 +55,7 @@ def give_mapped_angles(
     later, said = later_than_samples_ns(recording, table.unix_ns, int(table.time_ns[-1]))
     recording.findings += said
     record = JointTruthRecord(same_clock=spec.same_clock, offset_s=spec.offset_s)
-    shift = later + round((spec.offset_s or 0.0) * 1e9)
+    shift = later + round((spec.offset_s or 0.0) * NANOSECONDS)
     placed = replace(table, time_ns=table.time_ns + shift)
     give_angles(recording, placed, chosen, spec.unit, record)
 

@@ -14,9 +14,9 @@ from testbench.formats.mapped.times import asking_of, rate_findings, stamps_of, 
 from testbench.formats.stamps import Stamps
 from testbench.formats.tables.clocked_table import ClockedTable, SparseColumns
 from testbench.formats.tables.joined_table import Joined, JoinedTable
+from testbench.formats.tables.samples_stream import rate_of_times
 from testbench.formats.tables.source import Source, first_rows
 from testbench.formats.tables.timeline import BadRowError, Timeline
-from testbench.frames import NANOSECONDS
 from testbench.records.findings.finding import Finding, told_once
 
 MUCH_FASTER = 1.1
@@ -149,7 +149,7 @@ def _first_times(table: Table, clock: Callable[[], Timeline]) -> np.ndarray:
 
 def _rate(table: Table, times: np.ndarray) -> float:
     """Rows a second without gaps [Hz]."""
-    steps = np.diff(times)
-    if not np.any(steps > 0):
+    rate = rate_of_times(times)
+    if rate is None:
         raise table.problem("its times tell no rate, so that it cannot be put beside other files")
-    return float(NANOSECONDS / steps[steps <= 5 * np.median(steps[steps > 0])].mean())
+    return rate

@@ -79,7 +79,8 @@ class Shared:
         packets: Stamps of several samples.
         samples: That had the stamp of the one before.
         most: Samples at one stamp.
-        first_ns: Where the first of each kind was, since the beginning [ns].
+        first_repeated_ns: Where the first row that was dropped was, since the beginning [ns].
+        first_shared_ns: Likewise of the first sample that had the stamp of another [ns].
     """
 
     repeated: int = 0

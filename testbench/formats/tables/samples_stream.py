@@ -149,7 +149,7 @@ class SampleStream:
     def _rows(self) -> Iterator[Rows]:
         """Rows with their times, mended where they are stamped."""
         timeline = self._timeline()
-        needed = self._kinds | ({self._counter: "integer"} if self._counter else {})
+        needed = self.needed
         if self._like is not None:
             needed = self._like.needed | needed
         kinds = needed | timeline.kinds
@@ -296,8 +296,17 @@ def measured_rate(samples: ImuSamples) -> float | None:
 
     Stamps may be coarse, even repeat.
     """
-    steps = np.diff(samples.device_time_ns)
-    if len(steps) < 2 or not np.any(steps > 0):
+    return rate_of_times(samples.device_time_ns) if len(samples) > 2 else None
+
+
+def rate_of_times(time_ns: np.ndarray) -> float | None:
+    """Mean rate of instants without gaps [Hz], or None where none comes after another.
+
+    Args:
+        time_ns: Shape (n,) [ns].
+    """
+    steps = np.diff(time_ns)
+    if not np.any(steps > 0):
         return None
     usual = steps[steps <= 5 * np.median(steps[steps > 0])]
     return float(NANOSECONDS / usual.mean())

@@ -14,7 +14,14 @@ from typing import Literal
 import numpy as np
 
 from testbench.exceptions import FileProblems, InputError, Problem
-from testbench.formats.truth.tracked import METRES, Tracked, frame_times, points
+from testbench.formats.truth.tracked import (
+    FASTEST_HZ,
+    METRES,
+    SLOWEST_HZ,
+    Tracked,
+    frame_times,
+    points,
+)
 
 PATIENCE_S = 10.0
 S_PER_BYTE = 1e-6
@@ -130,6 +137,6 @@ def _content(file: Path) -> dict[str, np.ndarray]:
     values, rate = content["points"], float(content["rate"])
     if values.ndim != 3 or not values.shape[0] or not len(content["labels"]):
         raise _refusal(file, "holds no markers")
-    if not 0.1 <= rate <= 100_000:
+    if not SLOWEST_HZ <= rate <= FASTEST_HZ:
         raise _refusal(file, f"a rate of {rate:g} Hz cannot be")
     return content

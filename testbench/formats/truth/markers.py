@@ -19,6 +19,7 @@ from testbench.formats.truth.sto_truth import is_sto, read_sto
 from testbench.formats.truth.tracked import Tracked
 from testbench.formats.truth.trc import is_trc, read_trc
 from testbench.formats.truth.vicon import is_vicon, read_vicon
+from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Pose
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
@@ -89,7 +90,7 @@ def give_truth(
             "truth.tracked",
             system=tracked.system,
             frames=len(tracked.time_ns),
-            first_s=shift_ns * 1e-9,
+            first_s=shift_ns / NANOSECONDS,
         )
     )
     for name, marks in chosen.items():

@@ -20,10 +20,10 @@ from testbench.formats.truth.number_rows import number_rows
 from testbench.formats.truth.tracked import (
     METRES,
     Tracked,
-    frame_times,
     points,
     quaternions,
-    stamped,
+    stated_rate,
+    tracked_times,
 )
 
 MARKERS = ("marker", "rigid body marker", "bone marker")
@@ -67,9 +67,10 @@ def read_motive(file: Path, rate: float | None) -> Tracked:
         raise refuse(f"its Length Units are '{unit}'; known: Meters, Centimeters, Millimeters", 1)
     columns, at = _columns(lines, refuse)
     rows = number_rows(file, at + 2, ",", len(columns))
-    times = _times(rows, columns, header, rate)
-    if times is None:
-        raise refuse("its times do not increase; state the rate with --truth-rate HZ", at + 2)
+    timed = next((i for i, c in enumerate(columns) if c.axis.lower().startswith("time")), None)
+    seconds = None if timed is None else rows[:, timed]
+    stated = stated_rate(header.get("Export Frame Rate"))
+    times = tracked_times(file, len(rows), seconds, rate, stated)
     tracked = Tracked("Motive (y up)", times)
     for kind in MARKERS:
         places = _places(columns, (kind,), "position", "XYZ")
@@ -120,17 +121,3 @@ def _places(
     return {
         name: [own[axis] for axis in axes] for name, own in found.items() if set(axes) <= set(own)
     }
-
-
-def _times(
-    rows: np.ndarray, columns: list[_Column], header: dict[str, str], rate: float | None
-) -> np.ndarray | None:
-    place = next((i for i, c in enumerate(columns) if c.axis.lower().startswith("time")), None)
-    if rate is None and place is not None:
-        return stamped(rows[:, place])
-    if rate is None:
-        try:
-            rate = float(header.get("Export Frame Rate", ""))
-        except ValueError:
-            return None
-    return frame_times(len(rows), rate) if 0.1 <= rate <= 100_000 else None

@@ -37,7 +37,7 @@ def number_rows(file: Path, first_line: int, separator: str, width: int) -> np.n
         full = itertools.dropwhile(lambda row: not row[1].strip(), numbered)
         rows = itertools.takewhile(lambda row: bool(row[1].strip(f" \t{separator}")), full)
         while block := list(itertools.islice(rows, LINES_PER_BLOCK)):
-            decimal = decimal or decimal_of(block[0][1], separator)
+            decimal = decimal or decimal_of([line for _, line in block], separator)
             cells = [_cells(file, number, line, separator, width) for number, line in block]
             if decimal == ",":
                 cells = [[cell.replace(",", ".") for cell in row] for row in cells]

@@ -15,10 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.exceptions import FileProblems, InputError, Problem
+from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.text_table import head_of
 from testbench.formats.truth.number_rows import number_rows
-from testbench.formats.truth.tracked import LARGEST_PART, Tracked, frame_times, points, stamped
+from testbench.formats.truth.tracked import (
+    LARGEST_PART,
+    Tracked,
+    points,
+    stated_rate,
+    tracked_times,
+)
 from testbench.model import rotation
 
 _KEY = re.compile(r"^[A-Z][A-Z_0-9]+(\t|$)")
@@ -43,8 +49,7 @@ def read_qualisys(file: Path, rate: float | None) -> Tracked:
         rate: In place of its frequency [Hz], or None.
 
     Raises:
-        FileProblems: It is malformed; names the line.
-        InputError: Nobody states the rate.
+        FileProblems: It is malformed, which names the line, or nobody states the rate.
     """
     lines = head_of(file)
     header: dict[str, list[str]] = {}
@@ -66,9 +71,8 @@ def read_qualisys(file: Path, rate: float | None) -> Tracked:
     if lead == 0 and extra in {1, 2}:
         lead = extra
     rows = number_rows(file, at + 1, "\t", lead + width)
-    times = stamped(rows[:, 1]) if lead == 2 and rate is None else None
-    if times is None:
-        times = frame_times(len(rows), _rate(file, header, rate))
+    stated = stated_rate((header.get("FREQUENCY") or [""])[0])
+    times = tracked_times(file, len(rows), rows[:, 1] if lead == 2 else None, rate, stated)
     tracked = Tracked("Qualisys", times)
     if bodies:
         for i, name in enumerate(names):
@@ -77,21 +81,6 @@ def read_qualisys(file: Path, rate: float | None) -> Tracked:
     else:
         tracked.markers = points(np.array(rows[:, lead:]), names, MM)
     return tracked
-
-
-def _rate(file: Path, header: dict[str, list[str]], rate: float | None) -> float:
-    if rate is not None:
-        return rate
-    text = (header.get("FREQUENCY") or [""])[0]
-    try:
-        stated = float(text)
-    except ValueError:
-        stated = 0.0
-    if not 0.1 <= stated <= 100_000:
-        raise InputError(
-            f"{file}: its FREQUENCY is '{text[:20]}'; state the rate with --truth-rate HZ"
-        )
-    return stated
 
 
 def _orientation(own: np.ndarray) -> np.ndarray:

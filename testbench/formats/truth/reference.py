@@ -9,6 +9,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
@@ -69,7 +70,7 @@ def _with_gaps(
     steps = np.diff(time)
     wide = np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else np.zeros(0, dtype=int)
     if len(wide):
-        longest = float(steps[wide].max()) * 1e-9
+        longest = float(steps[wide].max()) / NANOSECONDS
         findings.append(finding("truth.gaps", where, gaps=len(wide), longest_s=longest))
         middle = time[wide] + steps[wide] // 2
         time = np.insert(time, wide + 1, middle)

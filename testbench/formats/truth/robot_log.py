@@ -432,7 +432,8 @@ def find_dwells(sensor: ImportedSensor, shortest: float) -> np.ndarray:
     """Stretches without turning, shape (n, 2): begin and end, host time [s].
 
     Args:
-        sensor: Its angular rate is used, less its median; without one, its orientations.
+        sensor: Its angular rate is used, less the median of its slower half; without one, its
+            orientations.
         shortest: [s].
     """
     times, rates = [], []

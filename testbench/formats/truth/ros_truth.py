@@ -147,7 +147,7 @@ def _poses(bag: Bag, topic: str) -> tuple[np.ndarray, np.ndarray, str]:
 
 
 def _chain(bag: Bag, edges: dict[str, _Edge], frame: str) -> tuple[np.ndarray, np.ndarray, str]:
-    """Orientations of a frame in the root of its tree, at the times of its liveliest edge."""
+    """Orientations of a frame in the root of its tree, at the times of its densest edge."""
     path: list[tuple[np.ndarray, np.ndarray]] = []
     at = frame
     while at in edges and len(path) <= len(edges):

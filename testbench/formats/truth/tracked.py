@@ -24,6 +24,8 @@ METRES = {
 """Metres of one unit of length, by its name in small letters."""
 FARTHEST_M = 1e4
 """No camera sees so far: a marker beyond it is lost [m]."""
+SLOWEST_HZ, FASTEST_HZ = 0.1, 100_000.0
+"""Rates of frames that a header may state: another number there is none [Hz]."""
 LARGEST_PART = 1.1
 """No part of a unit quaternion is larger: beyond it the orientation is lost."""
 
@@ -63,6 +65,19 @@ class Tracked:
 def frame_times(count: int, rate: float) -> np.ndarray:
     """Times of frames at a rate [Hz], shape (count,), int64 [ns]."""
     return np.round(np.arange(count) * (NANOSECONDS / rate)).astype(np.int64)
+
+
+def stated_rate(text: str | None) -> float | None:
+    """The rate of frames that a header states [Hz]; None where it is none.
+
+    Args:
+        text: As it stands in the file, or None.
+    """
+    try:
+        rate = float((text or "").strip().replace(",", "."))
+    except ValueError:
+        return None
+    return rate if SLOWEST_HZ <= rate <= FASTEST_HZ else None
 
 
 def stamped(seconds: np.ndarray) -> np.ndarray | None:
@@ -108,7 +123,8 @@ def tracked_times(
         return times
     if stated is not None:
         return frame_times(count, stated)
-    message = "its times do not increase, and it states no rate; state one with --truth-rate HZ"
+    seen = "it has no times" if seconds is None else "its times do not increase"
+    message = f"{seen}, and it states no rate; state one with --truth-rate HZ"
     raise FileProblems(file, [Problem(message)])
 
 

@@ -14,7 +14,7 @@ from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.fields import BLANKS, split_line
 from testbench.formats.tables.text_table import guess_separator, head_of
 from testbench.formats.truth.number_rows import number_rows
-from testbench.formats.truth.tracked import METRES, Tracked, points, tracked_times
+from testbench.formats.truth.tracked import METRES, Tracked, points, stated_rate, tracked_times
 
 
 def is_trc(lines: list[str]) -> bool:
@@ -55,14 +55,6 @@ def read_trc(file: Path, rate: float | None) -> Tracked:
     if len(cells) < 3 or not cells[1].lower().startswith("time") or not names:
         raise refuse("the titles must be Frame#, Time and the markers", titles + 1)
     rows = number_rows(file, titles + 3, separator, 2 + 3 * len(names))
-    stated = _number(header.get("DataRate"))
+    stated = stated_rate(header.get("DataRate"))
     times = tracked_times(file, len(rows), rows[:, 1], rate, stated)
     return Tracked("TRC", times, points(np.array(rows[:, 2:]), names, METRES[unit]))
-
-
-def _number(text: str | None) -> float | None:
-    try:
-        value = float(text or "")
-    except ValueError:
-        return None
-    return value if 0.1 <= value <= 100_000 else None

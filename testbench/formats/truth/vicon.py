@@ -18,7 +18,14 @@ from testbench.formats.tables.bytes_stream import LineStream, encoding_of
 from testbench.formats.tables.fields import split_line
 from testbench.formats.tables.text_table import guess_separator
 from testbench.formats.truth.number_rows import number_rows
-from testbench.formats.truth.tracked import METRES, Tracked, frame_times, points, quaternions
+from testbench.formats.truth.tracked import (
+    METRES,
+    Tracked,
+    frame_times,
+    points,
+    quaternions,
+    stated_rate,
+)
 
 
 @dataclass(frozen=True)
@@ -64,7 +71,7 @@ def read_vicon(file: Path, rate: float | None) -> Tracked:
         times = frame_times(len(rows), rate or section.rate)
         if tracked is None:
             tracked = Tracked("Vicon", times)
-        if len(times) != len(tracked.time_ns) or section.rate <= 0:
+        if len(times) != len(tracked.time_ns):
             raise FileProblems(
                 file, [Problem("its sections differ in length", line=section.first_line)]
             )
@@ -103,11 +110,8 @@ def _sections(file: Path) -> Iterator[_Section]:
 
 
 def _rate(file: Path, text: str, line: int) -> float:
-    try:
-        rate = float(text.replace(",", "."))
-    except ValueError:
-        rate = 0.0
-    if not 0.1 <= rate <= 100_000:
+    rate = stated_rate(text)
+    if rate is None:
         shown = one_line(text[:40])
         raise FileProblems(file, [Problem(f"'{shown}' is no sampling rate", line=line)])
     return rate

@@ -23,6 +23,7 @@ import h5py
 import numpy as np
 
 from testbench.exceptions import FileProblems, InputError, Problem
+from testbench.formats.common_clock import share_origin
 from testbench.formats.dates import Recorded
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
@@ -31,8 +32,8 @@ from testbench.formats.suitable import suited_recording
 from testbench.formats.table_sensors import Layout, table_sensor
 from testbench.formats.tables.matlab_file import MOST_COMPRESSED
 from testbench.formats.tables.recognise import Found
-from testbench.formats.tables.samples_stream import SampleStream
 from testbench.formats.tables.source import ROWS_PER_CHUNK, Columns, Kind
+from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
@@ -148,14 +149,10 @@ def read(files: list[Path], options: Options) -> Recording:
     for name, opal in zip(unique_names(opal.label for opal in opals), opals, strict=True):
         sensors[name] = _sensor(OpalTable(file, opal), name, options, findings)
     date = None
-    streams = [sensor.chunks for sensor in sensors.values()]
     if all("time" in opal.paths for opal in opals) and options.rate is None:
-        origin = min(s.first_time_ns() for s in streams if isinstance(s, SampleStream))
-        for stream in streams:
-            if isinstance(stream, SampleStream):
-                stream.origin_ns = origin
+        origin = share_origin(sensors.values())
         if origin >= 1000 * _FIRST_SOLD_US:
-            at = datetime.fromtimestamp(origin // 1_000_000_000, UTC)
+            at = datetime.fromtimestamp(origin // NANOSECONDS, UTC)
             date = Recorded(at, "the first stamp of the file")
     return suited_recording(
         sensor_name(file.stem),

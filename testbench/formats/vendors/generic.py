@@ -36,7 +36,6 @@ def read(files: list[Path], options: Options) -> Recording:
         InputError: No mapping or no files, or a unit or rate is open.
         FileProblems: The mapping or a file is malformed.
     """
-    # Longer than a screen: what must be there is asked for, then each part is read in turn.
     name = options.mapping_name()
     if name is None and files and files[0].suffix.lower() in {".yaml", ".yml"}:
         name, files = str(files[0]), files[1:]
@@ -71,7 +70,7 @@ def read(files: list[Path], options: Options) -> Recording:
         for one in mapped.values():
             one.sensor.details["hemisphere"] = spec.hemisphere
     left = sorted(file.name for file in beside if file not in opened.used)
-    angles = document.value.truth_angles
+    angles = spec.truth_angles
     of_truth = [] if angles is None else [file for file in files if file.name == angles.file]
     unused = [file.name for file in files if file not in [*opened.used, *beside, *of_truth]]
     if unused:

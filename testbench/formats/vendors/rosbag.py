@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import FileProblems, InputError
+from testbench.formats.common_clock import share_origin
 from testbench.formats.dates import Recorded
 from testbench.formats.names import sensor_name, unique_names
 from testbench.formats.options import Options
@@ -25,7 +26,6 @@ from testbench.formats.table_sensors import Layout, table_sensor
 from testbench.formats.tables.joined_table import Joined, JoinedTable
 from testbench.formats.tables.recognise import Found
 from testbench.formats.tables.ros_bag import IMU, MAGNETIC_FIELD, Bag, open_bag
-from testbench.formats.tables.samples_stream import SampleStream
 from testbench.formats.tables.source import Columns, Kind, Source
 from testbench.frames import NANOSECONDS
 from testbench.records.findings.catalogue import finding
@@ -125,7 +125,7 @@ def read(files: list[Path], options: Options) -> Recording:
             sensors[name] = sensor
     if not sensors:
         raise bag.problem("its topics of inertial messages are empty")
-    origin = None if options.rate is not None else _share_origin(sensors)
+    origin = None if options.rate is not None else share_origin(sensors.values())
     return suited_recording(
         sensor_name(files[0].stem),
         "recording in a bag of ROS",
@@ -134,15 +134,6 @@ def read(files: list[Path], options: Options) -> Recording:
         recorded=_date(origin),
         origin_ns=origin,
     )
-
-
-def _share_origin(sensors: Mapping[str, ImportedSensor]) -> int:
-    """Let host time zero be the first stamp of all sensors [ns]."""
-    streams = [s.chunks for s in sensors.values() if isinstance(s.chunks, SampleStream)]
-    origin = min(stream.first_time_ns() for stream in streams)
-    for stream in streams:
-        stream.origin_ns = origin
-    return origin
 
 
 def _date(origin: int | None) -> Recorded | None:

@@ -172,11 +172,9 @@ def _kind(table: TextTable) -> str:
         return "inertial"
     if fits["quaternion"]:
         linear = any("acceleration" in name.lower() for name in table.names)
-        return (
-            ("earth" if table.file.stem == MESSAGES["earth"] else "linear")
-            if linear
-            else ("quaternion")
-        )
+        if not linear:
+            return "quaternion"
+        return "earth" if table.file.stem == MESSAGES["earth"] else "linear"
     for quantity, kind in (("matrix", "matrix"), ("euler", "euler"), ("mag", "magnetometer")):
         if fits[quantity]:
             return kind
