@@ -18,6 +18,8 @@ from testbench.records.findings.finding import Finding
 
 WINDOW = 512
 """Rows to either side of a step back among which its explanation is looked for."""
+SEARCHED = 1024
+"""Steps that are looked at together for one back."""
 SHORT = 20
 """At most so many stamps in a row are a fault of the logger."""
 FEW = 5
@@ -135,28 +137,39 @@ class Order:
         if self._zero is None:
             self._zero = int(rows.time[0])
         begin, at = 0, 1
-        wall_clock = self.local and _apart(habit) < SLOWEST_NS
         for _ in range(2 * len(rows) + 2):
-            steps = np.diff(rows.time[begin:])
-            odd = steps < 0
-            if wall_clock:
-                odd |= np.abs(steps - HOUR_NS - _apart(habit)) <= 1.5 * _apart(habit)
-            if not odd.any():
+            found = self._first_odd(rows.time, begin, habit)
+            if found is None:
                 return rows, len(rows) if end else max(len(rows) - WINDOW, 0)
-            at = begin + int(np.argmax(odd)) + 1
+            at = found
             if not end and at + WINDOW > len(rows):
                 return rows, max(at - WINDOW, 0)
             rows = self._mended(rows, at, habit)
             begin = max(at - WINDOW, 0)
         raise goes_back(int(rows.time[at - 1]), rows, at)
 
+    def _first_odd(self, time: np.ndarray, begin: int, habit: Habit) -> int | None:
+        """The first row after `begin` whose time does not follow that before it; None if all do."""
+        for first in range(begin, len(time), SEARCHED):  # in parts, for some files have many
+            steps = np.diff(time[first : first + SEARCHED + 1])
+            odd = steps < 0
+            if self._by_wall_clock(habit):
+                odd |= np.abs(steps - HOUR_NS - _apart(habit)) <= 1.5 * _apart(habit)
+            if odd.any():
+                return first + int(np.argmax(odd)) + 1
+        return None
+
+    def _by_wall_clock(self, habit: Habit) -> bool:
+        """Whether an hour more or less is that of daylight saving."""
+        return self.local and _apart(habit) < SLOWEST_NS
+
     def _note(self, kind: str, rows: Rows, at: int) -> None:
         before = int(rows.time[at - 1]) if at else int(rows.time[at])
         self.log.first_ns.setdefault(kind, before - (self._zero or 0))
 
     def _mended(self, rows: Rows, at: int, habit: Habit) -> Rows:
-        wall_clock = self.local and _apart(habit) < SLOWEST_NS
-        if self._wraps(rows, at, habit) or (wall_clock and self._hour(rows, at, habit)):
+        by_hour = self._by_wall_clock(habit)
+        if self._wraps(rows, at, habit) or (by_hour and self._hour(rows, at, habit)):
             return rows
         time = rows.time
         low, high = max(at - WINDOW, 0), min(at + WINDOW, len(rows))
@@ -178,9 +191,8 @@ class Order:
                 self.log.moved += int(np.sum(order != np.arange(len(order))))
                 self.log.moves += 1
                 self._note("reordered", rows, at)
-                whole = np.arange(len(rows))
-                whole[since:stop] = since + order
-                return rows.take(whole)
+                rows.put_in_order(since, order)
+                return rows
         if self._replaced(rows, since, at, stop, habit):
             return rows
         if not self.lenient:

@@ -35,6 +35,20 @@ class Rows:
         columns = {name: values[which] for name, values in self.columns.items()}
         return Rows(self.time[which], self.number[which], columns)
 
+    def put_in_order(self, since: int, order: np.ndarray) -> None:
+        """Put some consecutive rows in another order, where they stand.
+
+        Args:
+            since: The first of them.
+            order: Their indices from there, in the order wanted, shape (k,).
+        """
+        part = slice(since, since + len(order))
+        self.time[part], self.number[part] = self.time[part][order], self.number[part][order]
+        for name, values in self.columns.items():
+            if not values.flags.writeable:
+                values = self.columns[name] = values.copy()
+            values[part] = values[part][order]
+
     def with_more(self, more: Rows) -> Rows:
         """These and others behind them, as a copy."""
         columns = {
