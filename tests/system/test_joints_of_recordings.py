@@ -32,6 +32,12 @@ joints:
 alignment: {method: standing}
 estimate: {filters: [vqf_6d, vqf_9d], align: none, calibrate: none, align_clock: false}
 """
+CHAINED = {
+    "hip": {0: "hip_r_flexion"},
+    "knee": {0: "knee_r_flexion"},
+    "ankle": {0: "ankle_r_flexion"},
+}
+"""Of the model, angles that are those of the ISB near the neutral pose."""
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +88,43 @@ def test_angles_and_uncertainties_are_kept_and_judged(walked):
     page = render(session, estimated, evaluation)
     assert "Angles over time: knee_r" in page
     assert "How well the angles of hip_r are known" in page
+
+
+@pytest.fixture(scope="module")
+def modelled(tmp_path_factory) -> tuple[Session, Estimate]:
+    """The same on a treadmill, by the chain filter."""
+    folder, scene = tmp_path_factory.mktemp("treadmill"), walking_limb.walk(0, 10.0, 0.0)
+    text = JOINTS.replace(
+        "estimate: {filters: [vqf_6d, vqf_9d], ", "estimate: {filters: [vqf_6d], "
+    )
+    head, settings = text.split("estimate: {")
+    lines = "".join(f"  {item}\n" for item in settings.strip().strip("}").split(", "))
+    wanted = head + "estimate:\n" + lines + walking_limb.chain_text(scene)
+    mapping, files = walking_limb.export(scene, folder / "files", wanted)
+    options = Options(str(mapping))
+    session = import_recording("generic", files, folder / "walk", SystemClock(), options)
+    return session, estimate(session)
+
+
+def test_a_chain_of_a_person_whose_sensors_sit_askew_says_how_well_it_knows_each_angle(modelled):
+    session, estimated = modelled
+    (chain,) = estimated.chain
+    assert chain.facts["lost"] is False and chain.facts["placement"]["settled"]
+    source = ExportSource(session, estimated)
+    held = []
+    for joint, names in CHAINED.items():
+        true = source.true_angles(f"{joint}_r", chain.host_time_ns)[f"isb_{joint}"]
+        for i, name in names.items():
+            column = chain.joints.index(name)
+            error = np.degrees(rotation.wrap(chain.mean[:, 0, column] - true[:, i]))
+            sd = np.degrees(chain.sd[:, 0, column])
+            known = np.isfinite(error)
+            held.append(np.mean(np.abs(error[known]) < 2.5 * sd[known]))
+            assert np.sqrt(np.mean(error[known] ** 2)) < 6
+            assert sd.min() > (0.2 if joint == "knee" else 1.0)
+    assert np.mean(held) > 0.85
+    turned = chain.sd[:, 0, chain.joints.index("hip_r_rotation")]
+    assert np.degrees(turned.min()) > walking_limb.POSTURE_DEG  # no sensor tells it from standing
 
 
 def test_where_sensors_have_truths_the_joint_is_that_of_the_truths_bodies(tmp_path, clock):

@@ -14,15 +14,22 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tests.system.two_segments import write_csv
-
 RATE, FINE = 60.0, 240.0
 POSTURE_DEG, SKIN_DEG, SKIN_MM = 2.0, 3.0, 10.0
+LINKS = {"pelvis": "pelvis", "thigh": "thigh_r", "shank": "shank_r", "foot": "foot_r"}
+"""Of the shipped robot lower_limb, whose links have x forward, y to the left, z up."""
+LINK_FROM_SEGMENT = Rotation.from_euler("X", 90, degrees=True)
+HIP = {"segment": [0.0, -0.1, 0.09], "link": [0.0, -0.0882, 0.0]}
+"""Centre of the hip in the pelvis of this person, and in that of lower_limb [m]."""
 STANDS_S = 3.0
+BEGAN_S = 1.7e9
+"""Unix time of the first instant [s]: the sensors are on one clock."""
+SPEED = 1.2
+"""Of walking across a room [m/s]."""
 UP = np.array([0.0, 0.0, 9.80665])
 FIELD = np.array([5.0, 21.0, -38.0])
 SEGMENTS = ("pelvis", "thigh", "shank", "foot")
-LENGTHS = {"pelvis": 0.1, "thigh": 0.42, "shank": 0.41, "foot": 0.1}
+LENGTHS = {"thigh": 0.42, "shank": 0.41}
 SENSORS = {
     "pelvis": [-0.09, 0.05, 0.0],
     "thigh": [0.03, -0.2, 0.07],
@@ -68,8 +75,14 @@ class Walk:
     readings: dict[str, np.ndarray]
 
 
-def walk(seed: int, seconds: float = 25.0) -> Walk:
-    """Three seconds of standing, then walking, whose strides differ."""
+def walk(seed: int, seconds: float = 25.0, speed: float = SPEED) -> Walk:
+    """Three seconds of standing, then walking, whose strides differ.
+
+    Args:
+        seed: Of the person, the sensors and the strides.
+        seconds: Of the whole.
+        speed: Of the pelvis [m/s]; 0: on a treadmill.
+    """
     rng = np.random.default_rng(seed)
     time = np.arange(0, seconds, 1 / FINE)
     going = np.clip((time - STANDS_S - 0.2) / 1.5, 0, 1)
@@ -81,7 +94,7 @@ def walk(seed: int, seconds: float = 25.0) -> Walk:
     # segment axes (y up) in the world (z up)
     upright = facing * Rotation.from_euler("X", 90, degrees=True)
     world = _orientations(rng, upright, phase, going, vary)
-    origins = _origins(world, facing, time, going)
+    origins = _origins(world, facing, time, going, speed)
     truth, nominal, readings = {}, {}, {}
     rows = np.arange(round(FINE / RATE), len(time), round(FINE / RATE))
     for name in SEGMENTS:
@@ -135,16 +148,20 @@ def _orientations(
 
 
 def _origins(
-    world: dict[str, Rotation], facing: Rotation, time: np.ndarray, going: np.ndarray
+    world: dict[str, Rotation],
+    facing: Rotation,
+    time: np.ndarray,
+    going: np.ndarray,
+    speed: float,
 ) -> dict[str, np.ndarray]:
     """Upper end of every segment over time, shape (n, 3) [m]: the foot that is on the ground does
     not matter, the pelvis goes forwards and up and down.
     """
-    forwards = np.cumsum(1.2 * going) / FINE
+    forwards = np.cumsum(speed * going) / FINE
     bob = 0.02 * going * np.sin(2 * np.pi * 1.75 * time)
     sway = 0.1 * going * np.sin(2 * np.pi * 1.75 * time + 1.0) / (2 * np.pi * 1.75)
     position = facing.apply([1.0, 0, 0]) * (forwards + sway)[:, None] + bob[:, None] * [0, 0, 1.0]
-    hip = world["pelvis"].apply([0.0, -LENGTHS["pelvis"], 0.09])
+    hip = world["pelvis"].apply(HIP["segment"])
     found = {"pelvis": position, "thigh": position + hip}
     for above, name in (("thigh", "shank"), ("shank", "foot")):
         found[name] = found[above] + world[above].apply([0.0, -LENGTHS[above], 0.0])
@@ -154,11 +171,11 @@ def _origins(
 def _readings(
     rng: np.random.Generator, q: Rotation, position: np.ndarray, rows: np.ndarray
 ) -> np.ndarray:
-    """Of a sensor that integrates its rates, shape (n, 9)."""
+    """Of a sensor that integrates rates and forces, these in its axes at the end, shape (n, 9)."""
     step = round(FINE / RATE)
     gyr = (q[rows - step].inv() * q[rows]).as_rotvec() * RATE
-    acceleration = np.gradient(np.gradient(position, axis=0), axis=0) * FINE**2
-    acc = q[rows].inv().apply(acceleration[rows] + UP)
+    velocity = np.gradient(position, axis=0) * FINE
+    acc = q[rows].inv().apply((velocity[rows] - velocity[rows - step]) * RATE + UP)
     mag = q[rows].inv().apply(FIELD)
     parts = []
     for name, values in (("acc", acc), ("gyr", gyr), ("mag", mag)):
@@ -183,9 +200,10 @@ def export(scene: Walk, folder: Path, joints: str) -> tuple[Path, list[Path]]:
     titles += [f"q{part}" for part in "wxyz"]
     files, sensors, segments = [], [], []
     for name in SEGMENTS:
-        table = np.column_stack([scene.time, scene.readings[name], scene.truth[name]])
+        table = np.column_stack([BEGAN_S + scene.time, scene.readings[name], scene.truth[name]])
         files.append(folder / f"imu_{name}.csv")
-        write_csv(files[-1], ",".join(titles), table)
+        formats = ["%.6f", *["%.7g"] * (len(titles) - 1)]
+        np.savetxt(files[-1], table, formats, ",", header=",".join(titles), comments="")
         mounting = scene.nominal[name].as_euler("ZYX", degrees=True).tolist()
         axes = scene.nominal[name].inv().as_euler("ZYX", degrees=True).tolist()
         sensors.append(
@@ -206,3 +224,25 @@ def export(scene: Walk, folder: Path, joints: str) -> tuple[Path, list[Path]]:
         + joints
     )
     return mapping, files
+
+
+def chain_text(scene: Walk) -> str:
+    """The part of a mapping on the chain filter, below `estimate`: this person as a lower_limb."""
+    sensors = []
+    for name, link in LINKS.items():
+        turn = (LINK_FROM_SEGMENT * scene.nominal[name]).as_euler("ZYX", degrees=True).tolist()
+        place = np.array(SENSORS[name])
+        if name == "pelvis":
+            place = LINK_FROM_SEGMENT.apply(place - HIP["segment"]) + HIP["link"]
+        else:
+            place = LINK_FROM_SEGMENT.apply(place)
+        where = f"rotation_deg: {{ZYX: {turn}}}, position_mm: {(1000 * place).round(1).tolist()}"
+        sensors.append(f"        {name}: {{link: {link}, mounting: {{{where}}}}}\n")
+    lengths = {"knee_r_flexion": "thigh", "ankle_r_inversion": "shank"}
+    stated = ", ".join(f"{joint}: {1000 * LENGTHS[own]:.0f}" for joint, own in lengths.items())
+    return (
+        "  chain:\n    scales: false\n"
+        f"    placement: {{rotation_sd_deg: {SKIN_DEG}, position_sd_mm: {SKIN_MM}}}\n"
+        f"    model:\n      robot: lower_limb\n      lengths_mm: {{{stated}}}\n      sensors:\n"
+        + "".join(sensors)
+    )

@@ -14,14 +14,17 @@ from typing import Any
 
 import numpy as np
 
+from testbench.estimation.chain.blur import blurred
 from testbench.estimation.chain.effect import PlacementEffect
 from testbench.estimation.chain.placement import Constants, moved
 from testbench.estimation.chain.run import ChainSamples, run_filter
 from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
 
-STEPS, SETTLED = 10, 0.3
+STEPS, SETTLED = 15, 0.3
 """Runs at most; and a step below this part of what remains uncertain is the last [1]."""
+TUNED = 3
+"""In so many runs, the first ones, the process noise is sought."""
 HELD = 0.5
 """A constant of which more than this part of its prior standard deviation is left is held by the
 prior: the motion hardly tells it [1].
@@ -119,27 +122,48 @@ def fit_placement(
     settings: FilterSettings,
     samples: ChainSamples,
     constants: Constants,
-    tune: Callable[[ChainSensors], FilterSettings],
+    tune: Callable[[ChainSensors, FilterSettings], FilterSettings],
 ) -> PlacementFit:
     """Fit the placement to samples.
 
+    Each run takes its readings for as noisy as the last step, of which the next error is a part,
+    would make them (`blur.blurred`): at first that is the prior. So the filter follows the motion
+    though its sensors sit elsewhere, which a step of Gauss and Newton needs, and the last runs are
+    those of the noise alone.
+
     Args:
         sensors: As stated.
-        settings: Of the filter for the first step, which must hold for any motion (`harmonics` 0).
+        settings: Of the filter, which must hold for any motion (`harmonics` 0).
         samples: From a rest on.
         constants: Which to fit, with their prior.
-        tune: Gives settings for the steps after the first, with sensors placed by that.
+        tune: Gives settings their process noise, with sensors where they are.
     """
     values, placed = np.zeros(len(constants.sd)), sensors
-    settled = False
+    step, settled = constants.sd, False
     for number in range(STEPS):
-        motion = run_filter(placed, settings, samples, constants)
+        noise = blurred(settings.noise, samples, *_off(sensors, constants, step))
+        own = replace(settings, noise=noise)
+        if number < TUNED:
+            own = tune(placed, own)
+            settings = replace(settings, process_noise=own.process_noise)
+        motion = run_filter(placed, own, samples, constants)
         step, covariance = most_probable(motion.effect, constants, values)
         values = values + step
         placed = moved(sensors, constants, values)
-        if number == 0:
-            settings = tune(placed)
         settled = number > 0 and bool((np.abs(step) < SETTLED * np.sqrt(np.diag(covariance))).all())
         if settled:
             break
     return PlacementFit(replace(constants, covariance=covariance), values, placed, settled)
+
+
+def _off(
+    sensors: ChainSensors, constants: Constants, step: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Turn [rad] and shift [m] of each sensor along each axis, RMS, by constants that are off by
+    a step; shape (s,) each.
+    """
+    s = len(sensors.sensors)
+    turns, shifts = np.sqrt(np.mean(step[: 6 * s].reshape(s, 2, 3) ** 2, axis=2)).T
+    stretched = np.where(constants.lengths >= 0, step[constants.lengths], 0.0)
+    longer = stretched * np.linalg.norm(sensors.offsets, axis=2)
+    return turns, np.sqrt(shifts**2 + np.sum(longer**2, axis=1) / 3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from testbench.records.session.sensor_file import SensorFile
 from testbench.records.session.session import Session
 from testbench.records.specs.protocol_chain import ChainModel
 from testbench.records.specs.robot import Robot
+from testbench.records.specs.segment_alignment import SegmentAlignment
 from testbench.records.specs.sensor import ImuParameters
 
 SETTLED_NS = NANOSECONDS * 3 // 10
@@ -76,6 +77,7 @@ class ChainRecording:
         steps: Of a run, those that were finished.
         plan: Of a run, columns of the planned motion, shape (n,) each; None of an import.
         model: Of an import, as stated; None of a run.
+        alignment: Of an import, how well a body's segments are known.
     """
 
     robot: Robot
@@ -84,6 +86,7 @@ class ChainRecording:
     steps: Sequence[PlannedStep] = ()
     plan: Mapping[str, np.ndarray] | None = None
     model: ChainModel | None = None
+    alignment: SegmentAlignment = field(default_factory=SegmentAlignment)
 
     @staticmethod
     def of(session: Session, run: RunFacts) -> ChainRecording | None:
@@ -95,7 +98,7 @@ class ChainRecording:
         raw = {name: session.sensor(name) for name in session.sensor_names}
         wanted = run.settings.chain
         if wanted is not None and wanted.model is not None:
-            return _of_import(session, wanted.model, raw)
+            return _of_import(session, wanted.model, raw, run.body.alignment)
         if session.robot is None or not (session.path / PLAN).is_file():
             return None
         columns = ["host_time_ns", *(f"q_{joint}_rad" for joint in session.robot.joint_names)]
@@ -142,7 +145,10 @@ class ChainRecording:
 
 
 def _of_import(
-    session: Session, model: ChainModel, raw: Mapping[str, SensorFile]
+    session: Session,
+    model: ChainModel,
+    raw: Mapping[str, SensorFile],
+    alignment: SegmentAlignment,
 ) -> ChainRecording:
     if len(model.sensors) > 1 and any(own.code == "clock.own" for own in session.manifest.findings):
         raise InputError(
@@ -167,7 +173,7 @@ def _of_import(
         carried[name] = CarriedSensor(one.link, Pose.from_placement(one.mounting), sheet)
     robot = session.chain_robot
     assert robot is not None
-    return ChainRecording(robot, carried, raw, model=model)
+    return ChainRecording(robot, carried, raw, model=model, alignment=alignment)
 
 
 def lengths_of(robot: Robot, model: ChainModel) -> np.ndarray:

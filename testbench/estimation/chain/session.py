@@ -8,6 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from testbench.estimation.chain.anatomy import anatomy_variance
+from testbench.estimation.chain.blur import BODY_SHIFT_SD, BODY_TURN_SD, blurred
 from testbench.estimation.chain.period import base_frequency
 from testbench.estimation.chain.placement import Constants
 from testbench.estimation.chain.placement_check import (
@@ -57,6 +59,10 @@ OF_LIMBS = 5.0
 """An import runs with this times the most likely jerk [1], as `gait` does: with that itself the
 pelvis is too sure by far (NEES of its tilt 25), since what limbs do is smooth between jolts.
 """
+PLANNED_SD = np.radians(0.5)
+"""Of a planned angle at the rest before a section, where nothing is stated [rad]."""
+STATED_POSITION_SD = 0.01
+"""Of where a sensor sits on a body along each axis, where no fit says otherwise [m]."""
 SEARCHED_S = 10.0
 """The process noise is sought over this much of a section, from the beginning of its motion and
 `settling_s` on [s].
@@ -133,6 +139,7 @@ class _Section:
     ):
         # Longer than a screen: what each sensor gives goes into arrays of all samples together.
         self.wanted, self.section, self.model = wanted, section, recording.model
+        self.alignment = recording.alignment
         part = recording.part(section, {name: sensors[name] for name in names})
         (begin, end), (begins, ends) = part.rest, part.motion
         carried = {name: recording.carried[name] for name in names}
@@ -180,6 +187,9 @@ class _Section:
             np.concatenate(owners)[order],
             np.concatenate(readings)[order],
         )
+        if self.model is not None:
+            loose = (np.full(len(names), sd) for sd in (BODY_TURN_SD, BODY_SHIFT_SD))
+            self.noise = blurred(self.noise, self.samples, *loose)
 
     def told(self, where: str) -> list[Finding]:
         """What is to be said of an import: what was taken for its start."""
@@ -198,7 +208,7 @@ class _Section:
         """By one state of the filter, and what is to be said of it."""
         wanted, fit = self.wanted, self.placement
         sensors = self.chain if fit is None else fit.sensors
-        constants = doubted(self.chain) if fit is None else fit.constants
+        constants = self._doubted() if fit is None else fit.constants
         settings, stated = self._settings(state), self._stated(state) is not None
         if not stated:
             settings = self._sought(sensors, settings)
@@ -209,6 +219,16 @@ class _Section:
         check = check_placement(motion, constants, fit is None or fit.settled)
         record = self._record(state, settings, motion, check)
         return record, [*placement_findings(record, check, fit), *_uncertain(record)]
+
+    def _doubted(self) -> Constants:
+        """To check a placement that was stated; on a body its uncertainty is that of its joints."""
+        found = doubted(self.chain)
+        if self.model is None:
+            return found
+        stated = Constants.of(
+            self.chain, np.radians(self.alignment.stated_sd_deg), STATED_POSITION_SD
+        )
+        return replace(found, covariance=np.diag(stated.sd**2))
 
     @cached_property
     def placement(self) -> PlacementFit | None:
@@ -222,16 +242,12 @@ class _Section:
             asked.position_sd_mm / 1000,
             asked.length_sd_percent / 100,
         )
-        # the kinematic state holds for any motion
-        settings = self._settings("kinematic")
-        if self.wanted.jerk_deg_s3_sqrthz is None:
-            settings = self._sought(self.chain, settings)
         return fit_placement(
             self.chain,
-            settings,
+            self._settings("kinematic"),  # which holds for any motion
             self.samples.until(self.begins_s - self.samples.start + FITTED_S),
             constants,
-            lambda sensors: looser(self._sought(sensors, settings), LOOSER),
+            lambda sensors, settings: looser(self._sought(sensors, settings), LOOSER),
         )
 
     def _sought(self, sensors: ChainSensors, settings: FilterSettings) -> FilterSettings:
@@ -257,14 +273,27 @@ class _Section:
             wanted.harmonics if fourier else 0,
             self.noise,
             self.start,
-            float(np.radians(wanted.start_sd_deg)),
+            self._start_sd(),
             float(np.radians(self._stated(state) or 1.0)),
             biases=wanted.biases,
             scales=wanted.scales,
             amplitude=np.minimum(AMPLITUDE_SD, reach),
             frequency=frequency,
             limits=wanted.limits,
+            pose_sd=self._axes_sd() if self.model is not None else 0.0,
         )
+
+    def _axes_sd(self) -> float:
+        """How far a body's segments may be from what the pose says, about each axis [rad]."""
+        return float(np.radians(self.alignment.axes_sd_deg))
+
+    def _start_sd(self) -> float:
+        """Of each joint's angle at the rest that it starts from [rad]."""
+        if self.wanted.start_sd_deg is not None:
+            return float(np.radians(self.wanted.start_sd_deg))
+        if self.model is None:
+            return float(PLANNED_SD)
+        return max(np.sqrt(2) * self._axes_sd(), float(PLANNED_SD))  # of two segments
 
     def _record(
         self,
@@ -296,8 +325,17 @@ class _Section:
             facts=facts,
             host_time_ns=np.round(self.samples.time[own] * NANOSECONDS).astype(np.int64),
             mean=motion.mean[own],
-            sd=motion.sd[own],
+            sd=self._with_anatomy(motion.mean[own], motion.sd[own]),
         )
+
+    def _with_anatomy(self, mean: np.ndarray, sd: np.ndarray) -> np.ndarray:
+        """With what the axes of a body add to the uncertainty of its angles, shape (n, 3, m)."""
+        if self.model is None:
+            return sd
+        sd = sd.copy()
+        variance = anatomy_variance(self.chain, mean[:, 0], self._axes_sd())
+        sd[:, 0] = np.sqrt(sd[:, 0] ** 2 + variance)
+        return sd
 
 
 def _uncertain(estimate: ChainEstimate) -> list[Finding]:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.frames import STANDARD_GRAVITY
+
 START_RATE_SD = np.radians(0.2)
 """How still a joint at rest is held to be: rate [rad/s], and with it START_ACCELERATION_SD
 [rad/s^2].
@@ -125,6 +127,8 @@ class FilterSettings:
             Fourier only.
         frequency: First guess of the base frequency [Hz]; Fourier only.
         limits: Whether joint limits hold.
+        pose_sd: How far each sensor's body may be tilted at rest against every pose that the joints
+            can give it, about each axis [rad].
     """
 
     harmonics: int
@@ -137,6 +141,12 @@ class FilterSettings:
     amplitude: np.ndarray | float = AMPLITUDE_SD
     frequency: float = 1.0
     limits: bool = True
+    pose_sd: float = 0.0
+
+    @property
+    def rest_variance(self) -> np.ndarray:
+        """Of mean readings at rest beside their noise, shape (6,): gravity in a tilted body."""
+        return np.repeat(np.square([0.0, STANDARD_GRAVITY * self.pose_sd]), 3)
 
     @property
     def error_variance(self) -> np.ndarray:

@@ -82,7 +82,8 @@ def rest_pose(
     information = np.concatenate(
         [np.full(m, settings.start_sd**-2.0), 1 / np.maximum(errors, 1e-20)]
     )
-    weight = counts[:, None] / np.array([noise.variance for noise in settings.noise])
+    white = np.array([noise.variance for noise in settings.noise]) / counts[:, None]
+    weight = 1 / (white + settings.rest_variance)
     theta, zero = prior.copy(), np.zeros(m)
     for _ in range(STEPS):
         reading, by_q, _, _ = sensors.readings(theta[:m], zero, zero)

@@ -409,7 +409,7 @@ def _angles(
     found.placements[key] = {end: placing.placed[end].by for end in _ends(joint)}
     budget = _budget(found, name, joint, kind, placing)
     if budget.headings is None and _shared_sd(kind) is None:
-        budget = _with_drift(budget, found, joint, recording, kind, placing)
+        budget = _with_drift(budget, found, name, joint, recording, kind, placing)
     for definition in joint.definitions():
         angles = joint_angle_series(q[0], q[1], definition)
         found.angles[key, definition.label] = as_kept(angles)
@@ -421,6 +421,7 @@ def _angles(
 def _with_drift(
     budget: AngleBudget,
     found: JointEstimate,
+    name: str,
     joint: BodyJoint,
     recording: BodyRecording,
     kind: OrientationFilter,
@@ -429,11 +430,13 @@ def _with_drift(
     """With what the sensors' rests show of how their headings drift apart; much of it is said.
 
     A relative heading that the centre of the joint told is the mean over the recording: without a
-    pose it counts from the middle.
+    pose it counts from the middle. So it does where the motion of a hinge told the axis in both
+    sensors: what their headings are apart by in the mean is in the axis.
     """
-    time = found.host_time_ns
-    posed = placing.start_ns is not None
-    start = placing.start_ns if placing.start_ns is not None else int(time[0] + time[-1]) // 2
+    time, start = found.host_time_ns, placing.start_ns
+    posed = start is not None and name not in placing.pairs
+    if start is None or not posed:
+        start = int(time[0] + time[-1]) // 2
     since = (time - start) / NANOSECONDS
     apart, rate, walk = np.zeros(len(time)), 0.0, budget.drift**2
     for end, sign in zip(_ends(joint), (-1.0, 1.0), strict=True):

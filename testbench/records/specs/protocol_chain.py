@@ -163,11 +163,12 @@ class ChainEstimation(StrictModel):
         description="Sections to run over, each anew from the rest before it; none named: those "
         "that are judged.",
     )
-    start_sd_deg: float = Field(
-        default=0.5,
+    start_sd_deg: float | None = Field(
+        default=None,
         gt=0,
         le=45,
-        description="Standard uncertainty of each joint's planned angle at that rest [deg].",
+        description="Standard uncertainty of each joint's planned angle at that rest [deg]; null: "
+        "0.5, or of a body what two segments may be from their pose (alignment.axes_sd_deg).",
     )
     settling_s: float = Field(
         default=0.0,

@@ -130,7 +130,9 @@ def test_joints_of_foreign_files_are_found_by_a_model_and_the_rest_before(squat,
             np.ptp(np.degrees(true)), abs=1.0
         )
     codes = {found.code for found in estimated.findings}
-    assert codes == {"chain.start", "chain.sheet_assumed"}
+    # a placement that is stated and not fitted leaves the angles as uncertain as that
+    assert codes == {"chain.start", "chain.sheet_assumed", "chain.uncertain"}
+    assert 2.5 < np.degrees(chain.sd[:, 0]).mean() < 6
     assert chain.facts["lost"] is False
 
 

@@ -85,7 +85,7 @@ def test_the_angles_move_with_the_placement_as_the_effect_says(
 
 def test_a_fit_finds_where_the_sensors_sit_and_says_how_well(sensors, constants, recorded, lively):
     _, displaced, values = recorded
-    fit = fit_placement(sensors, lively, displaced, constants, lambda placed: lively)
+    fit = fit_placement(sensors, lively, displaced, constants, lambda placed, own: own)
     assert fit.settled
     normalised = (fit.values - values) / fit.sd
     assert np.sqrt(np.mean(normalised**2)) < 1.6
