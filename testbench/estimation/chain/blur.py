@@ -17,8 +17,7 @@ from testbench.estimation.chain.settings import SensorNoise
 BODY_TURN_SD, BODY_SHIFT_SD = np.radians(0.8), 0.012
 """How far a sensor on a body goes its own way against a chain of rigid links [rad], [m]. The shift
 is that of a joint's centre 0.35 m along a segment whose axes are 2 deg off; the turn is a choice,
-less than what skin moves by. With a third of it fits lose their way; with a quarter more, knees are
-less sure than they are right.
+less than what skin moves by. With a quarter more, knees are less sure than they are right.
 """
 
 
