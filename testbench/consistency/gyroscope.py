@@ -161,7 +161,7 @@ def _unblurred(reading: Reading) -> float:
     best = factor_with_lever(pair, reading.scale, bias)
     left = scatter_with_lever(pair, best, bias)
     for one in (*UNITS_OF_RATE, *FACTORS):
-        if abs(np.log(one / best)) < BLUR:
+        if min(abs(np.log(one / near)) for near in (best, reading.scale)) < BLUR:
             worse = scatter_with_lever(pair, one, bias).logs[0]
             if not is_clear(worse, left.logs[0], left.independent):
                 return one
