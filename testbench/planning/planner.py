@@ -146,7 +146,7 @@ def _check_links(protocol: Protocol, robot: Robot) -> None:
     ]
     for link, where in named:
         try:
-            kinematics.check_link(link)
+            kinematics.check_carrier(link)
         except NotFoundError as error:
             raise protocol.document.problem(str(error), *where) from None
     for dipole in robot.spec.magnetism.dipoles if protocol.spec.environment.arm_magnetism else []:

@@ -132,6 +132,8 @@ def _from_robot(recording: Recording, options: TruthOptions) -> None:
             f"which link carries {', '.join(missing)}? Answer with --link SENSOR=LINK; links: "
             f"{listing}"
         )
+    for name in recording.sensors:
+        kinematics.check_carrier(options.links.get(name, options.links.get("", "")))
     joints = kinematics.robot.joint_names
     log = (
         joint_log(open_bag([options.file]), joints, recording.origin_ns)
