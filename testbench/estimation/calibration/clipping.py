@@ -32,20 +32,29 @@ NAMES = {"acc": "accelerometer", "gyr": "gyroscope", "mag": "magnetometer"}
 UNITS = {"acc": (1.0, "m/s^2"), "gyr": (180 / np.pi, "deg/s"), "mag": (1.0, "uT")}
 
 
-def clipped_triads(samples: ImuSamples, doubts: Doubts) -> dict[str, str]:
-    """What is clipped, a sentence by quantity.
+def clipped_triads(samples: ImuSamples, doubts: Doubts, rests: np.ndarray) -> dict[str, str]:
+    """What is clipped where it is calibrated, a sentence by quantity.
+
+    A gyroscope is calibrated from the first rest to the last; the others in the rests alone, and a
+    jolt on the way from one to the next harms them nothing.
 
     Args:
         samples: As recorded.
         doubts: On them.
+        rests: Whether each sample is of a rest, shape (n,), bool.
     """
-    found = {}
+    found: dict[str, str] = {}
+    if not rests.any():
+        return found
+    between = np.zeros(len(rests), dtype=bool)
+    between[np.argmax(rests) : len(rests) - np.argmax(rests[::-1])] = True
     for key in NAMES:
-        readings = getattr(samples, key)
-        if readings is None or not np.isfinite(readings).any():
+        readings, used = getattr(samples, key), between if key == "gyr" else rests
+        if readings is None or not np.isfinite(readings[used]).any():
             continue
+        readings = readings[used]
         marked = sum(
-            int(doubts.flags[reason].sum())
+            int(doubts.flags[reason][used].sum())
             for reason in (CLIPPED, SATURATED)
             if reason in doubts.flags and key in doubts.quantities[reason]
         )

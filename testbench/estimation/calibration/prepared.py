@@ -364,8 +364,16 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
         remarks,
         temperatures,
         integrated,
-        clipped_triads(raw, doubts),
+        clipped_triads(raw, doubts, _inside(rests, len(uniform))[rows]),
     )
+
+
+def _inside(rests: np.ndarray, count: int) -> np.ndarray:
+    """Whether each of so many samples is of a rest, shape (count,), bool."""
+    result = np.zeros(count, dtype=bool)
+    for begin, end in rests:
+        result[begin:end] = True
+    return result
 
 
 def _sound_parts(rests: np.ndarray, sound: np.ndarray) -> np.ndarray:

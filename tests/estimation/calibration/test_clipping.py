@@ -52,6 +52,11 @@ def sampled(t, gyr, acc, mag=None) -> ImuSamples:
     return ImuSamples(time, time, gyr, acc, mag, None, count, np.zeros(len(t), dtype=bool))
 
 
+def still(t: np.ndarray) -> np.ndarray:
+    """Where the sensor of `turned` rests, shape (n,), bool."""
+    return (t % (REST_S + TURN_S)) < REST_S
+
+
 @pytest.mark.parametrize("limit_deg_s", [40.0, 60.0, 110.0])
 @pytest.mark.parametrize("digits", [3, 6])
 def test_a_gyroscope_that_is_cut_off_in_its_turns_is_told(turned, limit_deg_s, digits):
@@ -59,9 +64,20 @@ def test_a_gyroscope_that_is_cut_off_in_its_turns_is_told(turned, limit_deg_s, d
     limit = np.radians(limit_deg_s)
     assert np.abs(gyr).max() > limit
     samples = sampled(t, np.clip(gyr, -limit, limit).round(digits), acc)
-    (told,) = clipped_triads(samples, Doubts.none(len(t))).values()
+    (told,) = clipped_triads(samples, Doubts.none(len(t)), still(t)).values()
     found = float(re.match(r"the gyroscope is clipped \(x at ([\d.]+) deg/s", told)[1])
     assert found == pytest.approx(limit_deg_s, abs=np.degrees(10.0**-digits))
+
+
+def test_an_accelerometer_is_looked_at_in_its_rests_alone(turned):
+    t, gyr, acc = turned
+    jolted, cut = acc.copy(), acc.copy()
+    moving = np.flatnonzero(~still(t))
+    jolted[moving[5:15], 0] = jolted[moving[80:95], 0] = 19.6
+    assert not clipped_triads(sampled(t, gyr, jolted), Doubts.none(len(t)), still(t))
+    cut[:, 0] = np.minimum(cut[:, 0], 7.0)
+    (told,) = clipped_triads(sampled(t, gyr, cut), Doubts.none(len(t)), still(t)).values()
+    assert told.startswith("the accelerometer is clipped (x at 7 m/s^2)")
 
 
 def test_one_axis_that_is_cut_off_to_one_side_is_named(turned):
@@ -78,6 +94,7 @@ def test_coarse_readings_that_are_not_cut_off_are_none(turned, step):
     assert not clipped_triads(
         sampled(t, np.round(gyr / step) * step, np.round(acc / step) * step),
         Doubts.none(len(t)),
+        still(t),
     )
 
 
@@ -87,16 +104,18 @@ def test_a_turn_table_at_one_rate_and_a_field_that_repeats_are_not_cut_off(turne
     level = np.where((np.arange(len(t)) // 200) % 3 == 1, 0.524, 0.0)
     steady = np.column_stack([level, -level, 0 * t]) + 0.0006 * rng.standard_normal((len(t), 3))
     field = np.repeat(40 * acc[::10] / 9.81, 10, axis=0)[: len(t)]
-    assert not clipped_triads(sampled(t, steady.round(3), acc, field.round(1)), Doubts.none(len(t)))
+    assert not clipped_triads(
+        sampled(t, steady.round(3), acc, field.round(1)), Doubts.none(len(t)), still(t)
+    )
 
 
 def test_readings_that_the_sensor_marks_are_enough(turned):
     t, gyr, acc = turned
     doubts = Doubts.none(len(t))
     doubts.add(SATURATED, np.array([100, 101]), "gyr")
-    assert not clipped_triads(sampled(t, gyr, acc), doubts)
+    assert not clipped_triads(sampled(t, gyr, acc), doubts, still(t))
     doubts.add(SATURATED, np.array([300]), "gyr")
-    said = clipped_triads(sampled(t, gyr, acc), doubts)["gyr"]
+    said = clipped_triads(sampled(t, gyr, acc), doubts, still(t))["gyr"]
     assert "3 readings at full scale" in said
 
 
