@@ -109,6 +109,16 @@ def test_a_log_that_jumps_for_good_is_refused_with_its_line(tmp_path):
         mended(log, UR3E)
 
 
+@pytest.mark.parametrize(("first", "end"), [(200, 240), (355, 385)])
+def test_a_reading_that_is_held_until_the_log_jumps_is_refused(tmp_path, first, end):
+    q = np.column_stack([0.9 * np.sin(0.6 * T + i) for i in range(6)])
+    q[first:end] = q[first - 1]
+    rows = [[t, *angles] for t, angles in zip(T.tolist(), q.tolist(), strict=True)]
+    log = read(write(tmp_path / "log.csv", ["time_s", *JOINTS], rows), "rad")
+    with pytest.raises(FileProblems, match=rf"log\.csv:{end + 2}: .*leave the rows out"):
+        mended(log, UR3E)
+
+
 def test_degrees_that_are_stated_as_radians_are_refused(tmp_path):
     rows = [[t, *angles] for t, angles in zip(T.tolist(), np.degrees(Q).tolist(), strict=True)]
     log = read(write(tmp_path / "log.csv", ["time_s", *JOINTS], rows), "rad")

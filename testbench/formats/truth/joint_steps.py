@@ -56,7 +56,8 @@ def mended(log: RobotLog, robot: Robot) -> RobotLog:
     allowed = _Allowed(robot.velocity_limits, usual)
     kept = _kept(time, log.q, allowed)
     lost = np.flatnonzero(~kept)
-    if len(lost) > MOST_LEFT_OUT * len(kept):
+    ends = log.q[[0, -1]][~kept[[0, -1]]]  # no row beyond them tells on which side the fault is
+    if len(lost) > MOST_LEFT_OUT * len(kept) or ends.any():
         raise _impossible(log, robot, allowed)
     findings = list(log.findings)
     if len(lost):
