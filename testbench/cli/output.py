@@ -457,36 +457,34 @@ def say_noise(rows: list[NoiseRow]) -> None:
     """Noise at rest; nothing where there is none."""
     if not rows:
         return
-    columns = [
-        "sensor",
-        "axis",
-        "time [s]",
-        "mean",
-        "sd",
-        "unit",
-        "noise density",
-        "unit",
-        "bias instability",
-        "unit",
-    ]
+    columns = ["sensor", "axis", "time [s]", "mean", "sd", "unit", "noise density", "unit"]
     shown = [
         [
             n.sensor,
             f"{n.quantity} {n.axis}",
             n.span_s,
             n.mean,
-            n.sd,
+            _significant(n.sd),
             n.unit,
-            n.noise_density,
+            _significant(n.noise_density),
             n.noise_density_unit,
-            n.bias_instability,
-            n.bias_instability_unit,
         ]
         for n in rows
     ]
-    if all(n.bias_instability is None for n in rows):  # the rest was too short for any
-        columns, shown = columns[:-2], [row[:-2] for row in shown]
-    say_table("At rest", columns, shown)
+    if any(n.bias_instability is not None for n in rows):  # else the rest was too short for any
+        columns += ["bias instability", "unit"]
+        for row, n in zip(shown, rows, strict=True):
+            row += [_significant(n.bias_instability), n.bias_instability_unit]
+    if any(n.noise_bandwidth_hz is not None for n in rows):
+        columns.append("low pass [Hz]")
+        for row, n in zip(shown, rows, strict=True):
+            row.append(_significant(n.noise_bandwidth_hz))
+    say_table("At rest; noise densities are one-sided", columns, shown)
+
+
+def _significant(value: float | None) -> str | None:
+    """Three digits that count, of numbers that may be small in their unit."""
+    return None if value is None else f"{value:#.3g}".rstrip(".")
 
 
 def _cell(value: Any) -> str:

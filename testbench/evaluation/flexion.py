@@ -17,6 +17,7 @@ from testbench.evaluation.turning import turned_by_sensor
 from testbench.model import rotation
 from testbench.model.joint_angle import (
     INDEX,
+    beside,
     decomposition_of,
     flexion_of,
     joint_angle_series,
@@ -131,7 +132,9 @@ def joint_errors(
         if sequence not in true_angles:
             continue
         definition = next(item for item in joint.definitions() if item.label == sequence)
-        flexion[key, sequence], error[key, sequence] = flexion_error(definition, angles, reference)
+        flexion[key, sequence], error[key, sequence] = flexion_error(
+            definition, angles, reference, true_angles[sequence]
+        )
     finite = np.isfinite(reference) & sound
     counted = [(step, rows[finite[rows]]) for step, rows in rows_by_step(steps, time, static)]
     judged = [(step, rows) for step, rows in counted if len(rows)]
@@ -181,7 +184,7 @@ def _total_errors(
 
 
 def flexion_error(
-    definition: FlexionAngle, angles: np.ndarray, reference: np.ndarray
+    definition: FlexionAngle, angles: np.ndarray, reference: np.ndarray, true: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flexion [rad] and its error, shape (n,) each.
 
@@ -189,7 +192,10 @@ def flexion_error(
         definition: Which of the angles it is.
         angles: Estimated, shape (n, 3) [rad].
         reference: True flexion [rad], shape (n,).
+        true: True angles by the same definition, shape (n, 3) [rad].
     """
+    if definition.continuous:
+        angles = beside(definition, angles, true, reference)
     flexion = nearest_turn(flexion_of(definition, angles), reference)
     return flexion, rotation.wrap(flexion - reference)
 

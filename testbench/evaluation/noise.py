@@ -16,7 +16,8 @@ from testbench.records.session.session import Session
 
 SHORTEST_S = 10.0
 """Rests shorter than this say little of noise [s]."""
-LONGEST_GAP_NS = 100_000_000
+LONGEST_GAP_NS, LONGEST_GAP = 100_000_000, 2.5
+"""An interval is a gap beyond this, and beyond so many usual intervals: at 5 Hz all are 0.2 s."""
 _G, _DEG = STANDARD_GRAVITY, np.pi / 180
 
 UNITS: dict[str, tuple[str, float, str, float, str, float, str, float]] = {
@@ -36,7 +37,8 @@ UNITS: dict[str, tuple[str, float, str, float, str, float, str, float]] = {
 }
 RANDOM_WALK = {"acc": ("m/s/sqrt(h)", 60.0), "gyr": ("deg/sqrt(h)", 60.0 / _DEG), "mag": ("", 0.0)}
 """Unit of the random walk that white noise integrates to, and its size per SI unit."""
-SILENT = NoiseCoefficients(*[Coefficient(0.0, 0.0)] * 3)
+_NOTHING = Coefficient(0.0, 0.0)
+SILENT = NoiseCoefficients(_NOTHING, _NOTHING, _NOTHING)
 """Of an axis whose reading never changes."""
 
 
@@ -76,9 +78,10 @@ def runs_at_rest(time_ns: np.ndarray, still: np.ndarray) -> list[slice]:
         time_ns: Increasing, shape (n,) [ns].
         still: Where the sensor is at rest, shape (n,), bool.
     """
-    broken = np.concatenate(
-        [[True], ~still[1:] | ~still[:-1] | (np.diff(time_ns) > LONGEST_GAP_NS), [True]]
-    )
+    steps = np.diff(time_ns)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    gaps = steps > max(LONGEST_GAP_NS, LONGEST_GAP * usual)
+    broken = np.concatenate([[True], ~still[1:] | ~still[:-1] | gaps, [True]])
     edges = np.flatnonzero(broken)
     long = np.flatnonzero(np.diff(edges) >= 3)
     return [slice(int(edges[i]), int(edges[i + 1])) for i in long]
@@ -180,6 +183,7 @@ def noise_rows(sensor: str, rest: LongRest | None) -> list[NoiseRow]:
                     bias_unit,
                     *walk,
                     walk_unit,
+                    coefficients.bandwidth_hz,
                 )
             )
     return rows

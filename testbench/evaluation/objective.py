@@ -188,7 +188,9 @@ class SessionJudge:
 
     def _of_joint(self, found: JointErrors, angles: np.ndarray) -> list[float]:
         """One value for each judged section."""
-        _, error = flexion_error(found.definition(found.joint.label), angles, found.reference)
+        label = found.joint.label
+        own, true = found.definition(label), found.true_angles[label]
+        _, error = flexion_error(own, angles, found.reference, true)
         degrees = np.degrees(error)
         pool = OF_JOINTS[self._objective.kind]
         return [pool([degrees[rows] for _, rows in judged]) for judged in found.sections().values()]

@@ -79,6 +79,11 @@ class Stamps:
     rate: float | None = None
     unix: bool = False
 
+    @property
+    def stated(self) -> bool:
+        """Whether title, size or a person tell the unit."""
+        return all(one.code != "time.unit_unstated" for one in self.findings)
+
 
 def read_stamps(
     source: Source,

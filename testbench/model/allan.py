@@ -15,6 +15,16 @@ from numba import njit
 from scipy.special import chdtri
 
 FLICKER = 2 * np.log(2) / np.pi
+LEAST_GAIN = 10.0
+"""A low pass is taken where it raises twice the log-likelihood by so much: one more parameter does
+by chance once in 600 (Wilks, Ann. Math. Stat. 9, 1938)."""
+LONGEST_LOW_PASS_S = 1.0
+"""Slower ones than 0.16 Hz are no low pass of a sensor, but a wandering bias [s]."""
+LOW_PASSES_PER_DECADE = 25
+FEWEST_FOR_LOW_PASS = 10
+"""Averaging times from which on the beginning of a curve has a shape."""
+DIFFERENCE = 1e-4
+"""Relative step of a numerical derivative [1]."""
 FEWEST_DIFFERENCES = 8
 """Averaging times with fewer independent spans than this in the record are left out."""
 
@@ -65,11 +75,14 @@ class NoiseCoefficients:
             whose spectrum is one-sided, is sqrt(2) N [u/sqrt(Hz)].
         bias_instability: B [u].
         rate_random_walk: K [u/sqrt(s)].
+        bandwidth_hz: Of the low pass that the white noise went through, None where the curve shows
+            none [Hz].
     """
 
     white: Coefficient
     bias_instability: Coefficient
     rate_random_walk: Coefficient
+    bandwidth_hz: float | None = None
 
 
 def averaging_factors(count: int, per_decade: int = 10) -> np.ndarray:
@@ -136,12 +149,54 @@ def _mean_square_of_second_differences(phase: np.ndarray, m: int) -> float:
 
 
 def fit_noise(curve: AllanCurve) -> NoiseCoefficients:
-    """Noise coefficients of an Allan curve, with their standard uncertainties; none is negative."""
-    tau, variance = curve.tau, curve.deviation**2
-    design = np.column_stack([3 / tau**2, 1 / tau, np.full(len(tau), FLICKER), tau / 3])
-    expected = variance
-    solution = np.zeros(4)
-    covariance = np.eye(4)
+    """Noise coefficients of an Allan curve, with their standard uncertainties; none is negative.
+
+    The white noise may have gone through a first-order low pass, which leaves the beginning of the
+    curve flat; that is taken where the curve fits clearly better with one.
+    """
+    best = _fitted(curve, 0.0)
+    for time_constant in _time_constants(curve):
+        found = _fitted(curve, time_constant)
+        gain = LEAST_GAIN if best.time_constant == 0 else 0.0
+        best = found if found.misfit < best.misfit - gain else best
+    values = np.sqrt(best.solution[1:])
+    sds = np.sqrt(np.diag(best.covariance(curve))[1:4])
+    # sd of a root: sd / (2 root), or the root of the sd where the value itself is nil
+    roots = [
+        float(sd / (2 * value)) if value**2 > sd else float(np.sqrt(sd))
+        for value, sd in zip(values, sds, strict=True)
+    ]
+    white, flicker, walk = (Coefficient(float(v), sd) for v, sd in zip(values, roots, strict=True))
+    passed = best.time_constant > 0 and white.found
+    bandwidth = 1 / (2 * np.pi * best.time_constant) if passed else None
+    return NoiseCoefficients(white, flicker, walk, bandwidth)
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """The squares of Q, N, B and K for one low pass, and minus twice their log-likelihood."""
+
+    time_constant: float
+    solution: np.ndarray
+    misfit: float
+
+    def covariance(self, curve: AllanCurve) -> np.ndarray:
+        """Of the squares, and of the logarithm of the time constant where there is a low pass."""
+        design = _design(curve, self.time_constant)
+        expected = np.clip(design @ self.solution, curve.deviation**2 / 2, curve.deviation**2 * 2)
+        if self.time_constant > 0:
+            moved = _design(curve, self.time_constant * (1 + DIFFERENCE))
+            slope = (moved - design) @ self.solution / DIFFERENCE
+            design = np.column_stack([design, slope])
+        weighted = design * (np.sqrt(curve.edf / 2) / expected)[:, None]
+        size = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
+        inverse = np.linalg.pinv((weighted / size).T @ (weighted / size))
+        return np.asarray(inverse / np.outer(size, size) * _shared(curve))
+
+
+def _fitted(curve: AllanCurve, time_constant: float) -> _Fitted:
+    design, variance = _design(curve, time_constant), curve.deviation**2
+    expected, solution = variance, np.zeros(4)
     for _ in range(
         3
     ):  # weights from the fit, not from the scatter: a low estimate must not weigh more
@@ -149,25 +204,60 @@ def fit_noise(curve: AllanCurve) -> NoiseCoefficients:
         scale = np.linalg.norm(design * weight[:, None], axis=0)
         solution = _nonnegative(design * weight[:, None] / scale, variance * weight) / scale
         expected = np.clip(design @ solution, variance / 2, variance * 2)
-        weighted = design * (np.sqrt(curve.edf / 2) / expected)[:, None]
-        # Averaging times share their data: the scatter of fits is that of three points in two
-        # decades.
-        shared = (
-            max(len(tau) / max(1.5 * np.log10(tau[-1] / tau[0]), 1), 1) if len(tau) > 1 else 1.0
-        )
-        size = np.linalg.norm(weighted, axis=0)
-        covariance = (
-            np.linalg.pinv((weighted / size).T @ (weighted / size)) / np.outer(size, size) * shared
-        )
-    values = np.sqrt(solution[1:])
-    sds = np.sqrt(np.diag(covariance)[1:])
-    # sd of a root: sd / (2 root), or the root of the sd where the value itself is nil
-    roots = [
-        float(sd / (2 * value)) if value**2 > sd else float(np.sqrt(sd))
-        for value, sd in zip(values, sds, strict=True)
-    ]
-    white, flicker, walk = (Coefficient(float(v), sd) for v, sd in zip(values, roots, strict=True))
-    return NoiseCoefficients(white, flicker, walk)
+    ratio = variance / np.maximum(design @ solution, 1e-300)
+    misfit = float(np.sum(curve.edf * (ratio - np.log(ratio) - 1))) / _shared(curve)
+    return _Fitted(time_constant, solution, misfit)
+
+
+def _design(curve: AllanCurve, time_constant: float) -> np.ndarray:
+    """Allan variance of unit coefficients, shape (k, 4)."""
+    tau = curve.tau
+    white = 1 / tau * _through_low_pass(tau, float(tau[0]), time_constant)
+    return np.column_stack([3 / tau**2, white, np.full(len(tau), FLICKER), tau / 3])
+
+
+def _through_low_pass(tau: np.ndarray, interval: float, time_constant: float) -> np.ndarray:
+    """Allan variance of white noise behind a low pass, as part of that without it.
+
+    White noise through a first-order low pass is an autoregressive process when it is sampled, of
+    factor f = exp(-interval / time_constant). The sum over m of its samples has the variance
+    V(m) = m (1 - f^2) - 2 f (1 - f^m), up to a factor, and the mean over two neighbouring ones the
+    Allan variance (4 V(m) - V(2 m)) / (2 m^2). What the sampling folds back is part of it.
+
+    Args:
+        tau: Averaging times, shape (k,) [s].
+        interval: Between samples [s].
+        time_constant: Of the low pass [s]; 0 for none.
+    """
+    if time_constant <= 0:
+        return np.ones(len(tau))
+    f = np.exp(-interval / time_constant)
+    m = tau / interval
+
+    def spread(count: np.ndarray) -> np.ndarray:
+        return np.asarray(count * (1 - f * f) - 2 * f * (1 - f**count))
+
+    return np.asarray((4 * spread(m) - spread(2 * m)) / (2 * m * (1 - f * f)))
+
+
+def _time_constants(curve: AllanCurve) -> np.ndarray:
+    """Time constants of low passes to try [s]."""
+    interval = float(curve.tau[0])
+    longest = min(LONGEST_LOW_PASS_S, float(curve.tau[-1]) / 3)
+    if len(curve.tau) < FEWEST_FOR_LOW_PASS or longest <= interval / 4:
+        return np.zeros(0)
+    count = max(round(LOW_PASSES_PER_DECADE * np.log10(4 * longest / interval)), 2)
+    return np.geomspace(interval / 4, longest, count)
+
+
+def _shared(curve: AllanCurve) -> float:
+    """Averaging times share their data: the scatter of fits is that of three points in two
+    decades.
+    """
+    tau = curve.tau
+    if len(tau) < 2:
+        return 1.0
+    return float(max(len(tau) / max(1.5 * np.log10(tau[-1] / tau[0]), 1), 1))
 
 
 def _nonnegative(A: np.ndarray, b: np.ndarray) -> np.ndarray:

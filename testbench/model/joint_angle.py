@@ -141,6 +141,36 @@ def flexion_of(definition: FlexionAngle, angles: np.ndarray) -> np.ndarray:
     return np.asarray(definition.sign * angles[:, INDEX[definition.flexion]])
 
 
+def beside(
+    definition: FlexionAngle, angles: np.ndarray, true: np.ndarray, reference: np.ndarray
+) -> np.ndarray:
+    """The angles on the branch of the true ones: of all triples of a rotation the nearest.
+
+    A definition that is followed beyond its range passes a singularity, where the least error of an
+    orientation decides on which branch it goes on; both are the same rotation.
+
+    Args:
+        definition: A `continuous` one.
+        angles: Shape (n, 3) [rad].
+        true: True ones by the same definition, shape (n, 3) [rad], on any branch.
+        reference: True flexion, shape (n,) [rad], which tells the branch.
+
+    Returns:
+        Shape (n, 3) [rad]; as they are where the true ones are not finite.
+    """
+    kind = decomposition_of(definition)
+    truths = np.concatenate([true[None], kind.alternatives(true)])
+    off = [np.abs(rotation.wrap(flexion_of(definition, one) - reference)) for one in truths]
+    rows = np.arange(len(true))
+    aim = truths[np.argmin(np.nan_to_num(off, nan=np.inf), axis=0), rows]
+    choices = np.concatenate([angles[None], kind.alternatives(angles)])
+    apart = np.where(kind.periodic, rotation.wrap(choices - aim), choices - aim)
+    # an angle near to where it is not defined says little of the branch
+    weight = np.sin(np.minimum(kind.margins(aim), np.pi / 2))
+    size = np.sum((weight * apart) ** 2, axis=-1)
+    return np.asarray(choices[np.argmin(np.nan_to_num(size, nan=np.inf), axis=0), rows])
+
+
 def nearest_turn(angle: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """The angles, give or take whole turns, nearest to a reference.
 

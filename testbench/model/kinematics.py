@@ -19,6 +19,7 @@ from testbench.model import rotation
 from testbench.model.chain import Chain, Tip, chain_motion, link_poses
 from testbench.records.specs.robot import Robot
 from testbench.records.specs.strict import Placement
+from testbench.records.specs.urdf_joint import joints_to, read_urdf
 
 
 @dataclass(frozen=True)
@@ -128,6 +129,16 @@ class Kinematics:
         )
         self.world_from_base = Pose.from_placement(robot.spec.base)
         self._column = {name: i for i, name in enumerate(robot.joint_names)}
+        self._check_axes()
+
+    def _check_axes(self) -> None:
+        """Pinocchio takes an axis of zeros for one: its joint turns, and nothing moves."""
+        still = [n for n in self._column if not self._axis(self.model.getJointId(n)).any()]
+        if still:
+            joints = read_urdf(self.robot.urdf)[1]
+            raise FileProblems(
+                self.robot.urdf, [p for name in still for p in joints[name].problems()]
+            )
 
     @cached_property
     def link_names(self) -> list[str]:
@@ -173,6 +184,23 @@ class Kinematics:
         """
         if link not in self.link_names:
             raise NotFoundError(f"link of {self.robot.name}", link, self.link_names)
+
+    def check_carrier(self, link: str) -> None:
+        """Refuse a link that can carry no sensor, for its motion is not known.
+
+        Raises:
+            NotFoundError: Lists the links that exist.
+            FileProblems: A joint that mimics another, which is not followed, carries it.
+        """
+        self.check_link(link)
+        for joint in joints_to(self.robot.urdf, link):
+            if joint.mimics is not None and joint.name not in self._column:
+                problem = joint.problem(
+                    f"it mimics {joint.mimics}, which is not followed here, and it carries the "
+                    f"link {link}, whose motion is not known therefore; put sensors on links "
+                    "before it, or describe the arm without <mimic>"
+                )
+                raise FileProblems(self.robot.urdf, [problem])
 
     def frame_motion(
         self,
@@ -304,7 +332,16 @@ class Kinematics:
                 self._full, str(self.robot.urdf), pin.GeometryType.COLLISION, package_dirs=folders
             )
         except (ValueError, RuntimeError) as error:
-            raise FileProblems(self.robot.urdf, [Problem(f"collision geometry: {error}")]) from None
+            raise FileProblems(
+                self.robot.urdf,
+                [
+                    Problem(
+                        f"collision geometry: {error} The package of package://NAME/... is a "
+                        "folder NAME that this URDF lies in or beside, or one of the Python "
+                        "packages that mesh_packages of a robot.yaml names"
+                    )
+                ],
+            ) from None
         if self._locked:
             _, geometry = pin.buildReducedModel(
                 self._full, geometry, self._locked, pin.neutral(self._full)

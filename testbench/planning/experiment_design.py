@@ -127,7 +127,7 @@ class Designer:
         self.robot, self.sensor = robot, sensor
         self.kinematics = Kinematics(robot)
         try:
-            self.kinematics.check_link(sensor.link)
+            self.kinematics.check_carrier(sensor.link)
         except NotFoundError as error:
             raise InputError(
                 f"{error}; say which carries the sensor with --link, such as {self._last_moved()}"

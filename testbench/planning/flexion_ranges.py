@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from testbench.model.joint_angle import flexion_of, joint_angles, nearest_turn
+from testbench.model.joint_angle import beside, flexion_of, joint_angles, nearest_turn
 from testbench.model.kinematics import Kinematics
 from testbench.planning.segment_frames import moments_of, segments_of
 from testbench.records.session.plan import FlexionUse, PlannedStep, judged_steps
@@ -43,7 +43,10 @@ def flexion_ranges(
             else q[:, robot.joint_names.index(joint.reference_joint)]
         )
         for definition in joint.definitions():
-            angle = flexion_of(definition, joint_angles(proximal, distal, definition))
+            angles = joint_angles(proximal, distal, definition)
+            if arm is not None and definition.continuous:
+                angles = beside(definition, angles, angles, arm)
+            angle = flexion_of(definition, angles)
             if arm is not None:
                 angle = nearest_turn(angle, arm)
             else:  # each sweep is one curve

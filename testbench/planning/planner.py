@@ -13,6 +13,7 @@ from testbench.model.kinematics import Kinematics
 from testbench.model.reference_step import reference_warning
 from testbench.planning.checks import check_plan
 from testbench.planning.cycles import planned_cycles
+from testbench.planning.definition_ranges import check_definition_ranges
 from testbench.planning.expansion import LONGEST_DURATION_S, Command, expand
 from testbench.planning.flexion_ranges import flexion_ranges
 from testbench.planning.joint_constraints import constraint_warnings
@@ -79,6 +80,7 @@ def plan(protocol: Protocol | str | Path, robot: Robot | str | Path | None = Non
         raise
     doubt = reference_warning(steps, protocol.spec.estimate.align)
     warnings = ([doubt] if doubt is not None else []) + doubts
+    check_definition_ranges(robot, protocol, trajectory, steps)
     warnings += segment_frame_warnings(robot, protocol, trajectory, steps)
     warnings += constraint_warnings(robot, protocol, trajectory, steps)
     ranges = flexion_ranges(robot, protocol, trajectory, steps)
@@ -146,7 +148,7 @@ def _check_links(protocol: Protocol, robot: Robot) -> None:
     ]
     for link, where in named:
         try:
-            kinematics.check_link(link)
+            kinematics.check_carrier(link)
         except NotFoundError as error:
             raise protocol.document.problem(str(error), *where) from None
     for dipole in robot.spec.magnetism.dipoles if protocol.spec.environment.arm_magnetism else []:

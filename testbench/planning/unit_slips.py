@@ -16,6 +16,9 @@ FEWEST_IN_A_POSE = 2
 """One pose among others in degrees is doubted where so many of its angles, and no other but 0, are
 quarters of pi.
 """
+FEWEST_MEASURED = 3
+"""Joints of a whole pose that were read from an arm, with three digits behind the point or more."""
+MEASURED_TO = 0.01
 LEAST_POSITION_MM = 1.0
 """A part whose coordinates are all smaller sits in the middle of its link, where no sensor is
 mounted [mm].
@@ -56,6 +59,15 @@ def _radians(commands: Sequence[Command]) -> list[str]:
                     "taken in degrees"
                 )
             ]
+        if _measured(command, pose):
+            shown = ", ".join(f"{angle:g}" for angle in pose.round(6))
+            return [
+                (
+                    f"move_to_deg of step '{command.name}' looks like radians as an arm reports "
+                    f"them ([{shown}]: a whole pose within 2 pi, with more than two digits behind "
+                    "the point); it is taken in degrees"
+                )
+            ]
     values: dict[str, set[float]] = {}
     for command in commands:
         for name, value in command.variables.items():
@@ -69,6 +81,16 @@ def _radians(commands: Sequence[Command]) -> list[str]:
                 "degrees"
             )
     return warnings
+
+
+def _measured(command: Command, pose: np.ndarray) -> bool:
+    """Whether a pose is of all joints, small as radians are, and of numbers that nobody types."""
+    if command.target is None or len(pose) < len(command.target):
+        return False
+    digits = np.abs(pose / MEASURED_TO - np.round(pose / MEASURED_TO)) > 1e-6
+    fine = int(digits.sum())
+    largest = float(np.abs(pose).max())
+    return fine >= max(FEWEST_MEASURED, len(pose) / 2) and 1 <= largest <= WHOLE_TURN
 
 
 def _quarters(angle: np.ndarray) -> np.ndarray:

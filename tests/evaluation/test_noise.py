@@ -63,6 +63,15 @@ def test_the_longest_rest_ends_at_motion_and_at_gaps():
     assert longest_rest(time, still) == slice(0, 1000)
 
 
+@pytest.mark.parametrize("rate", [1.0, 5.0, 9.0, 50.0])
+def test_a_rest_is_found_at_any_rate_and_ends_at_a_gap(rate):
+    time = (np.arange(600) * 1e9 / rate).astype(np.int64)
+    still = np.ones(600, bool)
+    assert longest_rest(time, still) == slice(0, 600)
+    time[580:] += round(max(3e9 / rate, 2e8))
+    assert longest_rest(time, still) == slice(0, 580)
+
+
 def test_a_short_rest_gives_no_row():
     time = at_rest(seconds=5.0).device_time_ns
     assert longest_rest(time, np.ones(len(time), bool)) is None

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from testbench.model.allan import allan_deviation, fit_noise
 
@@ -63,6 +64,47 @@ def test_injected_random_walk_is_recovered():
 
 def test_what_is_not_there_is_not_found():
     assert not fit_noise(allan_deviation(white(0.01, 60_000, 1), RATE)).rate_random_walk.found
+
+
+def low_passed(cut_off: float, n: int, seed: int) -> np.ndarray:
+    """White noise of density 1 a root of a hertz (one-sided) behind a low pass, drawn ten times as
+    densely and then sampled.
+    """
+    dense, before = 10, 3000
+    fine = np.sqrt(dense * RATE / 2) * np.random.default_rng(seed).standard_normal(
+        n * dense + before
+    )
+    f = np.exp(-2 * np.pi * cut_off / (dense * RATE))
+    return lfilter([1 - f], [1, -f], fine)[before::dense]
+
+
+@pytest.mark.parametrize("cut_off", [4.0, 10.0, 20.0])
+@pytest.mark.parametrize("seconds", [30, 200])
+def test_noise_behind_a_low_pass_has_its_density_and_no_bias_instability(cut_off, seconds):
+    density, bandwidth = [], []
+    x = np.pi * cut_off / RATE
+    folded = np.sqrt(x / np.tanh(x))  # the density at 0 Hz, with all that sampling folds onto it
+    for seed in range(8):
+        signal = low_passed(cut_off, round(seconds * RATE), seed)
+        found = fit_noise(allan_deviation(signal, RATE))
+        assert not found.bias_instability.found
+        density.append((found.white.value - folded / np.sqrt(2)) / found.white.sd)
+        bandwidth.append(found.bandwidth_hz)
+    assert np.sqrt(np.mean(np.square(density))) < 1.8
+    assert np.median(bandwidth) == pytest.approx(cut_off, rel=0.12)
+
+
+def test_white_noise_shows_no_low_pass():
+    assert all(
+        fit_noise(allan_deviation(white(1.0, n, seed), RATE)).bandwidth_hz is None
+        for seed, n in enumerate([1500, 3000, 10_000, 40_000] * 5)
+    )
+
+
+def test_flicker_and_a_wandering_bias_are_no_low_pass():
+    walk = np.cumsum(0.02 * np.random.default_rng(2).standard_normal(60_000))
+    found = fit_noise(allan_deviation(walk + white(0.1, 60_000, 3), RATE))
+    assert found.bandwidth_hz is None and found.rate_random_walk.found
 
 
 def test_two_samples_are_refused():

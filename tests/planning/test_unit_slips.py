@@ -68,6 +68,31 @@ def test_a_small_variable_that_is_no_part_of_pi_is_believed(changed):
     )
 
 
+@pytest.mark.parametrize(
+    ("pose", "doubted"),
+    [
+        ([3.1402, -1.5688, -1.5713, 0.0021, 1.5699, 0.4998], True),
+        ([2.0412, -0.9713, -1.2207, 0.3312, 1.1699, 0.4998], True),
+        ([2, -0.95, -1.25, 0.3, 1.1, 0.5], False),
+        ([2.0412, -60.9713, -1.2207, 0.3312, 1.1699, 0.4998], False),
+        ([0.0412, -0.0713, -0.2207, 0.3312, 0.1699, 0.4998], False),
+    ],
+)
+def test_a_pose_as_an_arm_reports_it_is_doubted(tmp_path, pose, doubted):
+    file = tmp_path / "measured.yaml"
+    file.write_text(
+        "name: t\npurpose: A pose pasted from a log\nrobot: ur3e\nsensors: {imu: {preset: ideal, "
+        "link: wrist_3_link}}\nestimate: {filters: [vqf_6d]}\nsections:\n  - name: a\n    steps:\n"
+        f"      - {{move_to_deg: {pose}, dwell_s: 1}}\n"
+        "      - {move_to_deg: [180, -90, -90, 0, 90, 0], dwell_s: 1}\n"
+    )
+    try:
+        said = slips(plan(file))
+    except PlanError as error:  # an arm that is stretched along a wrong pose may hit itself
+        said = [one for one in error.doubts if "looks like" in one]
+    assert [("as an arm reports them" in one, True) for one in said] == [(True, True)] * doubted
+
+
 def test_one_pose_in_radians_among_others_in_degrees_is_doubted(changed):
     def change(data):
         poses = [{"move_to_deg": [0, -1.5708, 0, -1.5708, 1.5708, 0], "dwell_s": 1}]

@@ -6,7 +6,7 @@ A rest is a still interval. Of rests and turns it holds what the arm knows.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -15,6 +15,7 @@ import numpy as np
 from testbench.consistency.doubtful import doubts_on, without
 from testbench.estimation.alignment.axes import true_rates
 from testbench.estimation.alignment.true_motion import rate_delay, sensor_clock
+from testbench.estimation.calibration.clipping import clipped_triads
 from testbench.estimation.calibration.gyroscope import gravity_direction_errors, turn_figures
 from testbench.estimation.calibration.poses import (
     DIRECTION_SD,
@@ -67,6 +68,7 @@ class Prepared:
         remarks: What is odd.
         temperatures: Of the part on the grid, shape (n,) [deg C], or None.
         integrated: Whether its rates are means over the interval before each sample.
+        clipped: What is said of triads at the end of their range, by quantity.
     """
 
     samples: UniformSamples
@@ -80,6 +82,7 @@ class Prepared:
     remarks: list[str]
     temperatures: np.ndarray | None = None
     integrated: bool = False
+    clipped: dict[str, str] = field(default_factory=dict)
 
     @property
     def has_gyroscope(self) -> bool:
@@ -361,7 +364,16 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
         remarks,
         temperatures,
         integrated,
+        clipped_triads(raw, doubts, _inside(rests, len(uniform))[rows]),
     )
+
+
+def _inside(rests: np.ndarray, count: int) -> np.ndarray:
+    """Whether each of so many samples is of a rest, shape (count,), bool."""
+    result = np.zeros(count, dtype=bool)
+    for begin, end in rests:
+        result[begin:end] = True
+    return result
 
 
 def _sound_parts(rests: np.ndarray, sound: np.ndarray) -> np.ndarray:

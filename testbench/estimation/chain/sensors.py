@@ -169,7 +169,7 @@ def chain_sensors(
     # Longer than a screen: joints are chosen, folded and filled into arrays of one length.
     robot = kinematics.robot
     for link, _ in places.values():
-        kinematics.check_link(link)
+        kinematics.check_carrier(link)
     chains = {
         name: _scaled(kinematics.chain_to(link), lengths) for name, (link, _) in places.items()
     }

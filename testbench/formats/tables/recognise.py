@@ -86,7 +86,7 @@ def find_sensors(names: Sequence[str]) -> dict[str, Found]:
 
 
 _TIME = re.compile(
-    r"^(?:time|timestamp|t|tiempo|zeit|seconds|elapsed)[\s_]*(?:stamp)?"
+    r"^[_%]*(?:time|timestamp|t|tiempo|zeit|seconds|elapsed)[\s_]*(?:stamp)?"
     r"[\s_]*[\[(]?(?P<unit>s|sec|seconds|ms|us|µs|ns)?[\])]?$",
     re.I,
 )

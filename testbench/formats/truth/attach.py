@@ -25,6 +25,7 @@ from testbench.formats.truth.angle_names import guessed_angles, stated_angles
 from testbench.formats.truth.angle_table import AngleUnit, is_coordinates, read_angles
 from testbench.formats.truth.angles import give_angles
 from testbench.formats.truth.c3d import read_c3d_angles
+from testbench.formats.truth.joint_steps import mended
 from testbench.formats.truth.markers import LISTED, give_truth, is_tracked, read_tracked
 from testbench.formats.truth.reference import collect, reference_truth
 from testbench.formats.truth.robot_log import (
@@ -35,7 +36,7 @@ from testbench.formats.truth.robot_log import (
     read_robot_log,
 )
 from testbench.formats.truth.ros_truth import give_bag_truth, joint_log
-from testbench.formats.truth.times import later_than_samples_ns, truth_stamps
+from testbench.formats.truth.times import ask_if_too_long, later_than_samples_ns, truth_stamps
 from testbench.formats.units import find_unit
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
@@ -219,13 +220,15 @@ def _from_robot(recording: Recording, options: TruthOptions) -> None:
             f"which link carries {', '.join(missing)}? Answer with --link SENSOR=LINK; links: "
             f"{listing}"
         )
+    for name in recording.sensors:
+        kinematics.check_carrier(options.links.get(name, options.links.get("", "")))
     joints = kinematics.robot.joint_names
     log = (
         joint_log(open_bag([options.file]), joints, recording.origin_ns)
         if is_bag(options.file)
         else read_robot_log(
             options.file,
-            joints,
+            kinematics.robot,
             options.rate,
             options.joint_unit,
             recording.findings,
@@ -234,6 +237,9 @@ def _from_robot(recording: Recording, options: TruthOptions) -> None:
     )
     if options.time_unit is not None and (log.time_ns is None or options.rate is not None):
         raise InputError(f"--truth-time-unit has no effect: no times of {options.file} are used")
+    if log.time_ns is not None and not log.time_stated:
+        ask_if_too_long(recording, options.file, int(log.time_ns[-1]))
+    log = mended(log, kinematics.robot)
     shift = round((options.offset or 0.0) * NANOSECONDS)
     recording.findings += [found.at(options.file.name) for found in log.findings]
     if log.time_ns is not None:
@@ -321,17 +327,18 @@ def _from_orientations(recording: Recording, options: TruthOptions) -> None:
         found.columns["quaternion"] if found else [plain[axis] for axis in "wxyz" if axis in plain]
     )
     if len(columns) != 4:
-        raise table.problem(
-            f"no four columns of a quaternion (q_w, q_x, q_y, q_z); it has {', '.join(table.names)}"
-        )
+        has = ", ".join(table.names)
+        raise table.problem(f"no four columns of a quaternion (q_w, q_x, q_y, q_z); it has {has}")
     kinds: dict[str, Kind] = dict.fromkeys(columns, "float")
     stamps = _stamps(table, options)
     stream = SampleStream(table, kinds, lambda c: _only_q(c, columns), stamps.timeline)
     time, q = collect(stream)
-    said = [found.at(options.file.name) for found in (*stamps.findings, *stream.findings())]
+    if not stamps.stated:
+        ask_if_too_long(recording, options.file, int(time[-1]))
+    said = [*stamps.findings, *stream.findings()]
     unix_ns = stream.first_time_ns() if stamps.unix else None
     later, clock = later_than_samples_ns(recording, unix_ns, int(time[-1]))
-    recording.findings += [*said, *clock]
+    recording.findings += [*(found.at(options.file.name) for found in said), *clock]
     for name, sensor in recording.sensors.items():
         mounting = Pose.from_placement(
             options.mountings.get(name, options.mountings.get("", Placement()))

@@ -11,7 +11,7 @@ taken in their order.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,10 @@ from testbench.formats.tables.samples_stream import Quantities, SampleStream
 from testbench.formats.tables.source import Kind
 from testbench.formats.tables.text_table import TextTable, decimal_of, guess_separator, head_of
 from testbench.formats.tables.timeline import RegularTime
+from testbench.formats.truth.joint_cells import JointCells, joint_cells
+from testbench.formats.truth.joint_log import RobotLog
+from testbench.formats.truth.joint_steps import MANY, fast_rows
+from testbench.formats.truth.joint_titles import joint_titles, titles_that_do
 from testbench.formats.truth.times import truth_stamps
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
@@ -34,11 +38,16 @@ from testbench.records.findings.finding import Finding
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import Truth
 from testbench.records.specs.protocol_steps import Role
+from testbench.records.specs.robot import Robot
 
 SMOOTHING_S = 0.1
 """Width of the cubic Savitzky-Golay window that differentiates the joint angles [s]."""
-MOST_TURNED = 1e6
-"""No joint turns further [rad]."""
+LEAST_DEGREES = 4 * np.pi
+"""Angles below may be radians, or degrees of a small motion: the unit is asked for [rad]."""
+MOST_TURNS = 100.0
+"""16 turns: nobody lets the cable of a sensor be wound up further [rad]."""
+LIMITS_WITHIN = 0.35
+"""Angles that are in radians exceed the arm's limits by no more [rad]."""
 REGULAR_WITHIN = 0.2
 """A log whose intervals differ by more than this part of their median is not differentiated."""
 WINDOW_S = 0.1
@@ -51,26 +60,9 @@ INSIDE_S = 0.2
 TRUTH_STEP_S = 0.05
 
 
-@dataclass(frozen=True)
-class RobotLog:
-    """Joint angles in the robot's order.
-
-    Attributes:
-        time_ns: From the first row, shape (n,), int64, or None for a list without times.
-        q: Shape (n, n_joints) [rad].
-        unix_ns: Unix time of the first row [ns], None where its times are none.
-        findings: What was noticed of its times.
-    """
-
-    time_ns: np.ndarray | None
-    q: np.ndarray
-    unix_ns: int | None = None
-    findings: list[Finding] = field(default_factory=list)
-
-
 def read_robot_log(
     file: Path,
-    joints: list[str],
+    robot: Robot,
     rate: float | None,
     unit: str | None,
     findings: list[Finding],
@@ -79,12 +71,13 @@ def read_robot_log(
     """Read a joint log.
 
     Columns are found by name (`elbow_joint`, `elbow_joint_deg`, `q_measured_elbow_joint_rad`,
-    `actual_q_0`, `J1`, `joint_1`); without titles, the first numbers of each line are the joints in
-    order, and further ones, such as a misalignment, are left out.
+    `/joint_states/elbow_joint/position`, `actual_q_0`, `robot_state.q[0]`, `J1`, `joint_1`), or by
+    the names in the cells (`name_0`, `position_0`); without titles, the first numbers of each line
+    are the joints in order, and further ones, such as a misalignment, are left out.
 
     Args:
         file: Text.
-        joints: Names, in order.
+        robot: Whose joints are logged.
         rate: Of a log without times [Hz], or None.
         unit: "deg" or "rad", None to go by the titles.
         findings: What was noticed; is added to.
@@ -94,17 +87,31 @@ def read_robot_log(
         FileProblems: The file is no such log.
         InputError: A unit cannot be told.
     """
+    joints = robot.joint_names
     lists = _lists(file, len(joints), findings)
     if lists is not None:
-        q = lists * _factor(lists, None, unit, file, findings)
-        return RobotLog(
-            None
-            if rate is None
-            else np.round(np.arange(len(q)) * (NANOSECONDS / rate)).astype(np.int64),
-            q,
-        )
-    table = _table(file, joints, findings)
-    columns, stated = _joint_columns(table, joints)
+        time = None
+        if rate is not None:
+            time = np.round(np.arange(len(lists)) * (NANOSECONDS / rate)).astype(np.int64)
+        return _in_radians(RobotLog(time, lists), unit, robot, file, findings)
+    log, stated = _titled(file, joints, rate, findings, time_unit)
+    return _in_radians(log, unit or stated, robot, file, findings)
+
+
+def _titled(
+    file: Path,
+    joints: list[str],
+    rate: float | None,
+    findings: list[Finding],
+    time_unit: str | None,
+) -> tuple[RobotLog, str | None]:
+    """A log of columns, in the unit of the file, and that unit where it is stated."""
+    table: TextTable | JointCells | None = joint_cells(file, joints)
+    columns = joints
+    stated: str | None = "rad"  # as sensor_msgs/JointState has it
+    if table is None:
+        table = _table(file, joints, findings)
+        columns, stated = _joint_columns(table, joints)
     kinds: dict[str, Kind] = dict.fromkeys(columns, "float")
     stamps = truth_stamps(table, rate, time_unit)
     timeline = stamps.timeline if stamps is not None else lambda: RegularTime(rate or 1.0)
@@ -128,12 +135,13 @@ def read_robot_log(
             "has no titles, and its first column only grows as time does; put titles above: "
             "time_s,J1,J2,..."
         )
-    q = q * _factor(q, stated, unit, file, findings)
     if stamps is None:
-        return RobotLog(np.concatenate(times) if rate is not None else None, q)
+        time = np.concatenate(times) if rate is not None else None
+        return RobotLog(time, q, problem=table.problem), stated
     unix_ns = stream.first_time_ns() if stamps.unix else None
     found = [*stamps.findings, *stream.findings()]
-    return RobotLog(np.concatenate(times), q, unix_ns, found)
+    time = np.concatenate(times)
+    return RobotLog(time, q, unix_ns, found, stamps.stated, table.problem), stated
 
 
 def _lists(file: Path, joints: int, findings: list[Finding]) -> np.ndarray | None:
@@ -176,7 +184,7 @@ def _table(file: Path, joints: list[str], findings: list[Finding]) -> TextTable:
             re.search("[A-Za-z]", text.replace("e", "")) for text in fields
         ) or line.lstrip().startswith("#"):
             titles = split_line(line.lstrip("# "), separator)
-            if _matching(titles, joints):
+            if joint_titles(titles, joints):
                 decimal = decimal_of(lines[at + 1 :], separator)
                 return TextTable(file, titles, at + 2, separator, decimal)
             others = line if len(titles) > 1 else others  # a comment, or titles of something else
@@ -209,66 +217,53 @@ def _table(file: Path, joints: list[str], findings: list[Finding]) -> TextTable:
         file,
         [
             Problem(
-                f"no columns for the joints {', '.join(joints)} (or J1 .. J{len(joints)}), and no "
-                "lines of numbers"
+                f"no columns for the joints {', '.join(joints)}, and no lines of numbers; titles "
+                f"that would do: {titles_that_do(joints)}"
             )
         ],
     )
 
 
-def _matching(titles: list[str], joints: list[str]) -> tuple[list[str], str | None] | None:
-    """Titles of the joints' columns and the unit that they state, or None."""
-    patterns = [
-        (
-            lambda i, joint: (
-                rf"(q_measured_|q_|actual_)?{re.escape(joint)}(_(?P<u>rad|deg))?"
-                r"(\s*[\[(](?P<v>rad|deg)[\])])?"
-            ),
-            None,
-        ),
-        (lambda i, joint: rf"actual_q_?\[?{i}\]?", "rad"),
-        (
-            lambda i, joint: rf"(j|joint|q|axis|a)[\s_]?{i + 1}([\s_]*[\[(]?(?P<u>rad|deg)[\])]?)?",
-            None,
-        ),
-        (lambda i, joint: rf"(j|joint|q)[\s_]?{i}([\s_]*[\[(]?(?P<u>rad|deg)[\])]?)?", None),
-    ]
-    for pattern, unit in patterns:
-        found = [
-            next((m for t in titles if (m := re.fullmatch(pattern(i, j), t.strip(), re.I))), None)
-            for i, j in enumerate(joints)
-        ]
-        if all(found):
-            stated = {next((g for g in m.groupdict().values() if g), None) for m in found if m}
-            one = stated.pop() if len(stated) == 1 else None
-            return [m.string for m in found if m], unit or (one.lower() if one else None)
-    return None
-
-
 def _joint_columns(table: TextTable, joints: list[str]) -> tuple[list[str], str | None]:
-    stripped = {name.strip(): name for name in table.names}
-    found = _matching(table.names, joints)
-    if found is None:
+    found = joint_titles(table.names, joints)
+    if not found:
         raise table.problem(
             f"no columns for the joints {', '.join(joints)}; it has {', '.join(table.names)}"
         )
-    return [stripped.get(title, title) for title in found[0]], found[1]
-
-
-def _factor(
-    q: np.ndarray, stated: str | None, answer: str | None, file: Path, findings: list[Finding]
-) -> float:
-    unit = answer or stated
-    if unit is None and np.abs(q).max() > 4 * np.pi:
-        unit = "deg"  # no arm turns so far
-        findings.append(finding("truth.joint_degrees", file.name, largest=float(np.abs(q).max())))
-    if unit is None:
-        seen = f"the largest is {np.abs(q).max():.4g}"
-        raise InputError(
-            f"{file}: are the joint angles in degrees or radians ({seen})? Answer with "
-            "--joint-unit deg|rad"
+    if len(found) > 1:
+        places = ", ".join(f"'{one.titles[0]}'" for one in found)
+        raise table.problem(
+            f"several columns may be the measured angle of {joints[0]}: {places}; leave one set"
         )
-    return np.pi / 180 if unit == "deg" else 1.0
+    stripped = {name.strip(): name for name in table.names}
+    return [stripped.get(title, title) for title in found[0].titles], found[0].unit
+
+
+def _in_radians(
+    log: RobotLog, unit: str | None, robot: Robot, file: Path, findings: list[Finding]
+) -> RobotLog:
+    """The log, whose angles are in a unit that is stated (`unit`), or told by the arm."""
+    most = float(np.abs(log.q).max())
+    if unit is None and most > LEAST_DEGREES and not _could_be_radians(log, robot):
+        unit = "deg"
+        findings.append(finding("truth.joint_degrees", file.name, largest=most))
+    if unit is None:
+        raise InputError(
+            f"{file}: are the joint angles in degrees or radians (the largest is {most:.4g})? "
+            "Answer with --joint-unit deg|rad"
+        )
+    return replace(log, q=log.q * (np.pi / 180)) if unit == "deg" else log
+
+
+def _could_be_radians(log: RobotLog, robot: Robot) -> bool:
+    """Whether an arm could have gone through these angles if they were radians."""
+    if float(np.abs(log.q).max()) > MOST_TURNS:
+        return False
+    low, high = robot.position_limits.T
+    beyond = np.maximum(low - log.q, log.q - high).max()
+    if beyond > LIMITS_WITHIN:
+        return False
+    return log.time_ns is None or len(log.q) < 2 or fast_rows(log, robot, log.q).mean() <= MANY
 
 
 def logged_truth(
@@ -289,12 +284,6 @@ def logged_truth(
     assert log.time_ns is not None
     fresh = np.concatenate([[True], np.diff(log.time_ns) > 0])
     time, q = log.time_ns[fresh], log.q[fresh]
-    most = float(np.abs(q).max(initial=0.0))
-    if not most <= MOST_TURNED:
-        raise InputError(
-            f"the joint log holds an angle of {most:.3g} rad, which no joint turns to: its file is "
-            "damaged, or the column is none of angles"
-        )
     steps = np.diff(time) / NANOSECONDS
     regular = (
         len(steps) >= 5 and float(np.abs(steps / np.median(steps) - 1).max()) <= REGULAR_WITHIN

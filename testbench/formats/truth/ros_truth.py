@@ -11,8 +11,8 @@ import numpy as np
 from testbench.exceptions import InputError, NotFoundError
 from testbench.formats.recording import Recording
 from testbench.formats.tables.ros_bag import JOINT_STATE, POSES, TRANSFORMS, Bag
+from testbench.formats.truth.joint_log import RobotLog
 from testbench.formats.truth.markers import set_truth
-from testbench.formats.truth.robot_log import RobotLog
 from testbench.formats.truth.tracked import quaternions
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
@@ -66,7 +66,8 @@ def joint_log(bag: Bag, joints: list[str], origin_ns: int | None) -> RobotLog:
     stamps = np.array(times, np.int64)
     order = np.argsort(stamps, kind="stable")
     start = int(stamps[order[0]]) if origin_ns is None else origin_ns
-    return RobotLog(stamps[order] - start, np.array(rows)[order])
+    q = np.array(rows)[order]
+    return RobotLog(stamps[order] - start, q, problem=lambda said, row: bag.problem(said))
 
 
 def give_bag_truth(

@@ -170,6 +170,7 @@ class NoiseRow:
         rate_random_walk: By the Allan deviation; None where lost among the other noises.
         rate_random_walk_sd: Its standard uncertainty.
         rate_random_walk_unit: Of both.
+        noise_bandwidth_hz: Of the low pass that the noise went through; None where it shows none.
     """
 
     sensor: str
@@ -191,6 +192,7 @@ class NoiseRow:
     rate_random_walk: float | None
     rate_random_walk_sd: float | None
     rate_random_walk_unit: str
+    noise_bandwidth_hz: float | None = None
 
 
 @dataclass(frozen=True)

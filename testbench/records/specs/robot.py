@@ -7,7 +7,6 @@ say is filled in, and told.
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ElementTree
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -21,6 +20,13 @@ from testbench.records.disk.yaml_file import YamlDocument, load_yaml
 from testbench.records.specs.magnetism import Magnetism
 from testbench.records.specs.shipped import shipped_folder
 from testbench.records.specs.strict import Placement, StrictModel
+from testbench.records.specs.urdf_joint import (
+    UrdfJoint,
+    in_degrees,
+    package_folders,
+    read_urdf,
+    zero_limits,
+)
 
 TIME_TO_FULL_SPEED = 0.25
 """Assumed time to reach full speed, and full acceleration [s]; gentle for a cobot, whose makers
@@ -278,7 +284,8 @@ class Robot:
 
     def mesh_folders(self) -> list[Path]:
         """Folders that `package://` addresses of the URDF are looked up in."""
-        folders = [self.urdf.parent, _example_robot_data().parent.parent]
+        folders = [self.urdf.parent, *package_folders(self.urdf)]
+        folders.append(_example_robot_data().parent.parent)
         return folders + [_distribution_folder(name) for name in self.spec.mesh_packages]
 
 
@@ -391,14 +398,9 @@ def robot_from_urdf(
     Raises:
         FileProblems: Not a URDF, or one without the joints that are asked for.
     """
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, OSError, UnicodeDecodeError) as error:
-        raise FileProblems(path, [Problem(f"not a readable URDF: {error}")]) from None
-    if root.tag != "robot":
-        raise FileProblems(path, [Problem(f"not a URDF: its root is <{root.tag}>, not <robot>")])
-    movable = _arm_joints(path, root, entry)
-    joints = [_joint(key, joint) for key, joint in movable.items()]
+    root, found = read_urdf(path)
+    arm = _arm_joints(path, found, entry)
+    joints = [_joint(joint) for joint in arm]
     home = (
         entry.home_deg
         if entry
@@ -413,7 +415,9 @@ def robot_from_urdf(
             f"{path.name} states no acceleration, jerk, servo or floor: full speed in "
             f"{TIME_TO_FULL_SPEED} s, a servo of "
             f"{Servo().natural_frequency_hz:g} Hz and no floor are assumed"
-            + ("" if entry else ", and home in the middle of each joint's range")
+            + ("" if entry else ", and home in the middle of each joint's range"),
+            *zero_limits(path, arm),
+            *in_degrees(path, arm),
         ],
         "home_deg": home,
     }
@@ -424,22 +428,16 @@ def robot_from_urdf(
 
 
 def _arm_joints(
-    path: Path, root: ElementTree.Element, entry: CatalogueEntry | None
-) -> dict[str, ElementTree.Element]:
-    """The joints of a URDF that make up the arm, by name, in the arm's order.
+    path: Path, joints: dict[str, UrdfJoint], entry: CatalogueEntry | None
+) -> list[UrdfJoint]:
+    """The joints of a URDF that make up the arm, in the arm's order.
 
     Raises:
-        FileProblems: It lacks some of them, or one does not rotate.
+        FileProblems: It lacks some of them, one does not rotate, or limits or axes are none.
     """
-    movable = {
-        joint.get("name", ""): joint
-        for joint in root.findall("joint")
-        if joint.get("type") in {"revolute", "continuous", "prismatic"}
-    }
+    movable = {name: joint for name, joint in joints.items() if joint.movable}
     names = (
-        entry.joints
-        if entry
-        else [key for key, joint in movable.items() if joint.find("mimic") is None]
+        entry.joints if entry else [key for key, joint in movable.items() if joint.mimics is None]
     )
     missing = [key for key in names if key not in movable]
     if missing or not names:
@@ -452,22 +450,21 @@ def _arm_joints(
                 )
             ],
         )
-    for key in names:
-        if movable[key].get("type") == "prismatic":
-            raise FileProblems(
-                path, [Problem(f"joint {key} is prismatic; the bench drives rotating joints only")]
-            )
-    return {key: movable[key] for key in names}
+    arm = [movable[key] for key in names]
+    problems = [
+        joint.problem("it is prismatic; the bench drives rotating joints only")
+        for joint in arm
+        if joint.kind == "prismatic"
+    ]
+    problems = problems or [problem for joint in arm for problem in joint.problems()]
+    if problems:
+        raise FileProblems(path, problems)
+    return arm
 
 
-def _joint(name: str, joint: ElementTree.Element) -> dict[str, Any]:
-    limit = joint.find("limit")
-    attributes = {} if limit is None else limit.attrib
-    continuous = joint.get("type") == "continuous" or "lower" not in attributes
-    position = (
-        None if continuous else [math.degrees(float(attributes[key])) for key in ("lower", "upper")]
-    )
-    speed = math.degrees(float(attributes.get("velocity", 0.0)))
+def _joint(joint: UrdfJoint) -> dict[str, Any]:
+    position = joint.position()
+    speed = math.degrees(joint.speed())
     why = "position and velocity from the URDF"
     if speed <= 0:
         speed, why = (
@@ -475,8 +472,8 @@ def _joint(name: str, joint: ElementTree.Element) -> dict[str, Any]:
             f"the URDF states no velocity: {ASSUMED_SPEED_DEG_S:.0f} deg/s assumed",
         )
     return {
-        "name": name,
-        "position_deg": position,
+        "name": joint.name,
+        "position_deg": None if position is None else [math.degrees(end) for end in position],
         "velocity_deg_s": speed,
         "acceleration_deg_s2": speed / TIME_TO_FULL_SPEED,
         "jerk_deg_s3": speed / TIME_TO_FULL_SPEED**2,

@@ -15,6 +15,18 @@ TEMPLATES = {
         "they are taken for degrees: in radians they would be several turns",
         "--joint-unit rad says otherwise",
     ),
+    "truth.whole_turns": Template(
+        NOTE,
+        "the joint angles of the truth step by whole turns in {count} {count:row|rows}",
+        "that is no motion: they go on from turn to turn",
+    ),
+    "truth.impossible_rows": Template(
+        WARNING,
+        "{count} of {rows} rows of the joint log hold angles that no joint can reach in the time, "
+        "the first {first_s:.3f} s after its beginning",
+        "they are left out as a gap: a logger that has lost the arm writes zeros",
+        "mend or remove these rows",
+    ),
     "truth.joint_lists": Template(
         NOTE,
         "{file} is lists of numbers",
