@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.estimation.filters import OrientationFilter
 from testbench.estimation.joints.angle_sd import AngleBudget, angle_sd
+from testbench.estimation.joints.centre_apart import centre_apart
 from testbench.estimation.joints.constrained import constrained, is_constrained
 from testbench.estimation.joints.facing import (
     DEVICE_SD,
@@ -188,8 +189,23 @@ def _place(
         return _refused(joints, kind.name, "its sensors were hardly recorded together", "")
     relative = relative_headings(limb, joints, _shared_sd(kind))
     if method == "stated":
-        return _as_stated(recording, joints, kind, relative)
-    return _by_standing(recording, joints, kind, limb, relative)
+        placing = _as_stated(recording, joints, kind, relative)
+    else:
+        placing = _by_standing(recording, joints, kind, limb, relative)
+    for name, joint in joints.items():
+        placing.findings.setdefault(name, []).extend(_of_centre(limb, joint, kind.name))
+    return placing
+
+
+def _of_centre(limb: Limb, joint: BodyJoint, key: str) -> list[Finding]:
+    """Whether the sensors of a joint do not see its centre move alike."""
+    apart = centre_apart(limb, joint.proximal, joint.distal)
+    if apart is None:
+        return []
+    if apart.shift_s is None:
+        return [finding("joint.centre_apart", filter=key)]
+    shift, sensor = apart.shift_s, joint.distal
+    return [finding("joint.clocks_apart", filter=key, shift_s=shift, sensor=sensor)]
 
 
 def _aligned_to_truth(recording: BodyRecording, names: Sequence[str], key: str) -> bool:
@@ -246,7 +262,7 @@ def _as_stated(
             joints,
             kind.name,
             f"how the headings of the sensors of {', '.join(open_to)} differ: the filter has an "
-            "earth of its own for each, and the joint's centre moves too little to tell",
+            "earth of its own for each, and the motion of the joint's centre does not tell",
             "a filter with a magnetometer, a brisk motion, or the joint's axes (constraint)",
         )
     headings = chained(joints, {name: own.heading for name, own in relative.items()})
@@ -389,12 +405,12 @@ def _angles(
     placing: Placing,
 ) -> None:
     """The angles of a joint by one filter, kept in `found`."""
-    if name in placing.refused:
-        found.findings.append(placing.refused[name])
-        return
     codes = {(own.code, str(own)) for own in found.findings}
     told = placing.findings.get(name, [])
     found.findings.extend(own for own in told if (own.code, str(own)) not in codes)
+    if name in placing.refused:
+        found.findings.append(placing.refused[name])
+        return
     key, time = kind.name, found.host_time_ns
     q = []
     for end in _ends(joint):

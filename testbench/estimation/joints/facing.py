@@ -145,7 +145,7 @@ def find_facing(
     if missing:
         return Unknown(
             f"how the headings of the sensors of {', '.join(missing)} differ: the filter has an "
-            "earth of its own for each, and the joint's centre moves too little to tell",
+            "earth of its own for each, and the motion of the joint's centre does not tell",
             "a filter with a magnetometer, walking or another brisk motion, or alignment.forward "
             "for both sensors",
         )

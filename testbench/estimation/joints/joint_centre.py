@@ -64,8 +64,8 @@ def heading_by_centre(limb: Limb, first: str, second: str) -> CentreHeading | No
         first: Name of one.
         second: Name of the other.
     """
-    a, A = _terms(limb, first)
-    b, B = _terms(limb, second)
+    a, A = centre_terms(limb, first)
+    b, B = centre_terms(limb, second)
     known = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
     if known.sum() < 50:
         return None
@@ -73,7 +73,7 @@ def heading_by_centre(limb: Limb, first: str, second: str) -> CentreHeading | No
     moved = np.sqrt(np.mean(np.sum(a[:, :2] ** 2, axis=1)))
     if min(moved, np.sqrt(np.mean(np.sum(b[:, :2] ** 2, axis=1)))) < LEAST_MOTION:
         return None
-    cost = _Cost(a, A, b, B)
+    cost = CentreCost(a, A, b, B)
     grid = np.arange(GRID) * 2 * np.pi / GRID
     values = np.array([cost(angle) for angle in grid])
     valleys = np.flatnonzero((values <= np.roll(values, 1)) & (values < np.roll(values, -1)))
@@ -98,9 +98,13 @@ def heading_by_centre(limb: Limb, first: str, second: str) -> CentreHeading | No
     )
 
 
-def _terms(limb: Limb, sensor: str) -> tuple[np.ndarray, np.ndarray]:
+def centre_terms(limb: Limb, sensor: str) -> tuple[np.ndarray, np.ndarray]:
     """Acceleration in the earth, shape (n, 3) [m/s^2], and what a lever in the sensor adds to it,
     shape (n, 3, 3) [1/s^2].
+
+    Args:
+        limb: The sensors.
+        sensor: Name of one.
     """
     q, rate = limb.q[sensor], limb.rates(sensor)
     force = rotation.rotate(q, limb.acc[sensor])
@@ -118,10 +122,16 @@ def _crosses(v: np.ndarray) -> np.ndarray:
     return matrix - np.swapaxes(matrix, 1, 2)
 
 
-class _Cost:
+class CentreCost:
     """Mean square of what a heading leaves, the levers at their best [m^2/s^4].
 
     All sums over time are taken once: R(d) = c P + s Q + Z, so that each is linear in c and s.
+
+    Args:
+        a: Acceleration of the first sensor, shape (n, 3) [m/s^2].
+        A: What a lever in it adds, shape (n, 3, 3) [1/s^2].
+        b: As `a`, of the second sensor, shape (n, 3).
+        B: As `A`, of the second sensor, shape (n, 3, 3).
     """
 
     def __init__(self, a: np.ndarray, A: np.ndarray, b: np.ndarray, B: np.ndarray):
@@ -150,7 +160,7 @@ class _Cost:
         return float(max(left, 0.0)) / self.n
 
 
-def _vertex(cost: _Cost, near: float) -> tuple[float, float]:
+def _vertex(cost: CentreCost, near: float) -> tuple[float, float]:
     """Place of the minimum, and the second derivative there, by parabolas that narrow down."""
     step, place, curvature = 2 * np.pi / GRID, near, 0.0
     for _ in range(6):

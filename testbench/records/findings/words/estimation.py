@@ -116,6 +116,21 @@ TEMPLATES = {
         "stand still for some seconds at the beginning and the end of each recording, or a filter "
         "with a magnetometer, or the joint's axes (constraint)",
     ),
+    "joint.clocks_apart": Template(
+        WARNING,
+        "{filter}: its sensors see the centre of the joint move alike only where {shift_s:+.2f} s "
+        "are added to the times of {sensor}: their clocks differ by so much",
+        "its angles are wrong by as much as the joint turns in that time",
+        "record the sensors on one clock, or correct the times in the file of {sensor}",
+    ),
+    "joint.centre_apart": Template(
+        WARNING,
+        "{filter}: its sensors do not see the centre of the joint move alike, whichever way they "
+        "face: they sit on other segments than the two beside it, or are of several recordings, "
+        "or their clocks run apart",
+        "its angles are not to be believed",
+        "look which sensors the joint names, and whether their times agree",
+    ),
     "joint.hinge_found": Template(
         NOTE,
         "{filter}: its axis was found by the motion in both sensors, to {sd_deg:.1f} deg together",
