@@ -21,7 +21,7 @@ _PATTERNS = (
 """Of titles, `{joint}` for the joint's name, `{zero}` and `{one}` for its place from 0 and 1."""
 _COMMANDED = re.compile(r"command|target|desired|goal|reference|setpoint", re.I)
 _RADIANS = re.compile(r"joint_?states?|robot_state|actual_q", re.I)
-"""Titles of sensor_msgs/JointState, of libfranka and of UR's RTDE, which are in radians."""
+"""Titles of sensor_msgs/JointState, of libfranka and of a controller's own data, all in radians."""
 
 
 @dataclass(frozen=True)
