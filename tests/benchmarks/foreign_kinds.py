@@ -362,7 +362,7 @@ def _joint_states(path: Path) -> None:
 
 CLUSTER = ("--truth-cluster", MARKERS)
 ROBOT = ("--robot", "ur3e", "--link", LINK)
-FREE = Rotation.from_quat(MOTION.q, scalar_first=True).apply(MOTION.acc) - [0, 0, G]
+FREE = Rotation.from_quat(MOTION.q, scalar_first=True).apply(MOTION.acc.copy()) - [0, 0, G]
 KINDS: dict[str, Maker] = {
     "broad, .mat": _broad(".mat"),
     "broad, .hdf5": _broad(".hdf5"),

@@ -48,8 +48,8 @@ REST = np.zeros((400, 3))
 
 
 def documented() -> dict[str, set[str]]:
-    """Kinds of session by key, of the tables under `manifest.json`; `<sensor>` stands for any name,
-    a last `*` for anything.
+    """Kinds of session by key, of the tables under `manifest.json`; `<sensor>` and `<joint>` stand
+    for any name, a last `*` for anything.
     """
     section = PAGE.read_text(encoding="utf-8").split("### manifest.json")[1].split("\n## ")[0]
     result = {}
@@ -73,7 +73,7 @@ def keys(value: Any, path: str = "") -> Iterator[str]:
 
 def pattern(key: str) -> str:
     """A regular expression for a documented key."""
-    text = re.escape(key).replace("<sensor>", "[^.]+")
+    text = re.escape(key).replace("<sensor>", "[^.]+").replace("<joint>", "[^.]+")
     return text.replace(r"\.\*", r"(\..+)?")
 
 
@@ -153,6 +153,19 @@ def imports(folder: Path) -> Iterator[Session]:
         Options(str(folder / "reference.yaml")),
     )
     yield again
+    sensor = "{acc: {columns: [x, y, z], unit: m/s^2}, gyr: {columns: [u, v, w], unit: rad/s}}"
+    (folder / "knee.yaml").write_text(
+        "description: a knee and its angle\nrate_hz: 100\nsensors:\n"
+        f"  thigh: {sensor}\n  shank: {sensor}\n"
+        "joints: {knee_r: {proximal: thigh, distal: shank, definition: knee}}\n"
+        "alignment: {method: standing}\n"
+        "truth_angles: {file: bend.csv, time: {column: t, unit: s}, unit: deg, offset_s: 0.5, "
+        "joints: {knee_r: {flexion: bend}}}\n"
+    )
+    table(folder / "bend.csv", {"t": TIME, "bend": 20 * TIME})
+    both = table(folder / "both.csv", xyz("{}", UP, "xyz") | xyz("{}", REST, "uvw"))
+    mapped = Options(str(folder / "knee.yaml"))
+    yield import_recording("generic", [both], folder / "session_knee", clock, mapped)
 
 
 @contextmanager

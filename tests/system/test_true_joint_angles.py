@@ -128,7 +128,7 @@ def write_angles(walked: Walked, name: str, lost: slice | None = None) -> None:
     """A table of both flexions on the clock of the samples' files, some rows of it empty."""
     rows = np.column_stack(
         [
-            walked.time + 1 / walking_limb.RATE,
+            walking_limb.BEGAN_S + walked.time + 1 / walking_limb.RATE,
             walked.angles["knee_r"][:, 0],
             -walked.angles["ankle_r"][:, 0],
         ]

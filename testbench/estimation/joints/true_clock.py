@@ -28,6 +28,8 @@ UNFITTED = ClockFit(method="arrival")
 """The clock as the times are read."""
 SHIFT_TOLD_S = 0.05
 """Smaller shifts are not told [s]."""
+AGREE_S = 0.02
+"""Joints that differ by less are by one clock: filters delay each by some milliseconds [s]."""
 AS_STATED = {"still", "periodic"}
 """Why no clock was fitted, where a stated offset holds all the same."""
 
@@ -45,12 +47,36 @@ def with_true_clocks(
         truths: Of those whose angles another system gave.
     """
     result = dict(estimates)
-    for name, truth in truths.items():
-        if name in result:
-            clock, said = _clock(result[name], joints[name], truth)
-            found = [*result[name].findings, *said]
-            result[name] = replace(result[name], true_clock=clock, findings=found)
+    clocks = {
+        name: _clock(result[name], joints[name], truth)
+        for name, truth in truths.items()
+        if name in result
+    }
+    for name, clock in _shared({name: clock for name, (clock, _) in clocks.items()}).items():
+        found = [*result[name].findings, *clocks[name][1]]
+        result[name] = replace(result[name], true_clock=clock, findings=found)
     return result
+
+
+def _shared(clocks: Mapping[str, ClockFit]) -> dict[str, ClockFit]:
+    """The clocks of joints, of which those that agree are that which is known best.
+
+    The true angles of a recording come with one file, and so by one clock; how well a joint tells
+    it depends on its motion.
+
+    Args:
+        clocks: Of each joint by itself.
+    """
+    fitted = [clock for clock in clocks.values() if clock.method == "angular_rate"]
+    if not fitted:
+        return dict(clocks)
+    best = min(fitted, key=lambda clock: clock.offset_sd_s)
+    return {
+        name: best
+        if clock.method == "angular_rate" and abs(clock.offset_s - best.offset_s) < AGREE_S
+        else clock
+        for name, clock in clocks.items()
+    }
 
 
 def _clock(

@@ -23,7 +23,7 @@ from testbench.formats.truth.tracked import (
     points,
 )
 
-PATIENCE_S = 10.0
+PATIENCE_S = 6.0
 S_PER_BYTE = 1e-6
 """A file may take so long to be read, and so much longer by its size."""
 
