@@ -379,11 +379,11 @@ def read_gyroscope(pair: Pair, rest_bias: np.ndarray | None) -> Reading:
     )
     best = scatter.logs[scatter.best]
     turns = is_clear(nothing, best, scatter.independent)
-    turns = turns and _explained(nothing, best) >= LEAST_EXPLAINED
+    turns = turns and explained(nothing, best) >= LEAST_EXPLAINED
     turning = pair.turning(bias) * (scale if turns else 1.0)
-    explained, is_open = _explained(nothing, best), _is_open(pair, scale, bias)
+    part, is_open = explained(nothing, best), _is_open(pair, scale, bias)
     one_axis = pair.about_one_axis
-    return Reading(pair, scatter, scale, bias, turns, turning, one_axis, explained, is_open)
+    return Reading(pair, scatter, scale, bias, turns, turning, one_axis, part, is_open)
 
 
 def _other_factors(pair: Pair, bias: np.ndarray) -> list[float]:
@@ -422,12 +422,12 @@ def _is_another_scale(found: Scatter, other: Scatter) -> bool:
     return gain >= LEAST_SCALE_RATIO and is_clear(own, best, found.independent)
 
 
-def _explained(nothing: np.ndarray, best: np.ndarray) -> float:
+def explained(nothing: np.ndarray, best: np.ndarray) -> float:
     """The part that turning explains of what would scatter if nothing turned.
 
     Args:
         nothing: Logarithms of the scatter, shape (w,).
-        best: Likewise of the best reading.
+        best: Likewise of the best reading, shape (w,).
     """
     beyond = np.exp([float(nothing.mean()), float(best.mean())]) - FLOOR**2
     return float(1 - beyond[1] / beyond[0]) if beyond[0] > 0 else 0.0
@@ -448,7 +448,7 @@ def _is_right_scale(pair: Pair, bias: np.ndarray, unknown: bool) -> bool:
     if unknown:
         bias = some.fitted_bias(1.0, MAPS[IDENTITY], bias)
     nothing, own = (some.scatter(scale, bias, MAPS[:1]).logs[0] for scale in (0.0, 1.0))
-    others = () if _explained(nothing, own) >= WELL_EXPLAINED else _other_factors(some, bias)
+    others = () if explained(nothing, own) >= WELL_EXPLAINED else _other_factors(some, bias)
     return not any(
         is_clear(own, some.scatter(scale, bias, MAPS[:1]).logs[0], some.windows.independent)
         for scale in (*SCALES, *others)

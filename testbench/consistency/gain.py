@@ -10,7 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.consistency.fits import FEW_WINDOWS, FLOOR, PRIOR_BIAS, Pair, is_clear
+from testbench.consistency.fits import (
+    FEW_WINDOWS,
+    FLOOR,
+    PRIOR_BIAS,
+    WELL_EXPLAINED,
+    Pair,
+    explained,
+    is_clear,
+)
 
 RANGE = (0.4, 2.5)
 """Gains that are looked among; beyond, they are those of another range, or rate."""
@@ -49,14 +57,10 @@ def find_gain(pair: Pair, bias: np.ndarray) -> Gain | None:
         pair: Gyroscope and accelerometer, the axes as they are.
         bias: That the rates have, or 0, shape (3,) [rad/s].
     """
-    plain, few = np.eye(3)[None], pair.some(FEW_WINDOWS)
-    steps = int(np.log(RANGE[1] / RANGE[0]) / np.log(COARSE))
-    tried = RANGE[0] * COARSE ** np.arange(steps + 1)
-    scatter = [float(few.scatter(gain, bias, plain).logs.mean()) for gain in tried]
-    at = int(np.argmin(scatter))
-    if at in (0, len(tried) - 1):
+    plain, begin = np.eye(3)[None], _coarse(pair.some(FEW_WINDOWS), bias)
+    if begin is None:
         return None
-    gain, own_bias, error = _refined(pair, float(tried[at]), bias)
+    gain, own_bias, error = _refined(pair, begin, bias)
     if not RANGE[0] < gain < RANGE[1]:
         return None
     as_is = pair.fitted_bias(1.0, np.eye(3), bias)
@@ -64,6 +68,26 @@ def find_gain(pair: Pair, bias: np.ndarray) -> Gain | None:
     found = pair.scatter(gain, own_bias, plain)
     far = abs(np.log(gain)) > np.log1p(GAIN_WITHIN) + LEAST_ERRORS * error
     return Gain(gain, error, bool(far and is_clear(worse, found.logs[0], found.independent)))
+
+
+def _coarse(pair: Pair, bias: np.ndarray) -> float | None:
+    """Where to look for the gain: 1 if it fits well and better than those beside it, else the best
+    of all; None if that is at an end.
+    """
+    plain = np.eye(3)[None]
+
+    def left(gain: float) -> np.ndarray:
+        return np.asarray(pair.scatter(gain, bias, plain).logs[0])
+
+    as_is, nothing = left(1.0), left(0.0)
+    least = float(as_is.mean())
+    well = explained(nothing, as_is) >= WELL_EXPLAINED
+    if well and all(float(left(gain).mean()) > least for gain in (1 / COARSE, COARSE)):
+        return 1.0
+    steps = int(np.log(RANGE[1] / RANGE[0]) / np.log(COARSE))
+    tried = RANGE[0] * COARSE ** np.arange(steps + 1)
+    at = int(np.argmin([float(left(gain).mean()) for gain in tried]))
+    return None if at in (0, len(tried) - 1) else float(tried[at])
 
 
 def _refined(pair: Pair, gain: float, bias: np.ndarray) -> tuple[float, np.ndarray, float]:

@@ -20,6 +20,8 @@ from testbench.formats.tables.binary_kinds import binary_kind
 LONGEST_LINE = 1_000_000
 """Bytes; a longer one is no row of a table."""
 BLOCK = 1 << 22
+FIRST_PART = 8
+"""The first block of lines is by so much shorter than those that follow."""
 NEWLINE = ord("\n")
 _TOO_LONG = f"a line is longer than {LONGEST_LINE // 1_000_000} MB; this is not a table of samples"
 SNIFFED = 4096
@@ -92,11 +94,14 @@ class LineStream(io.RawIOBase):
     def blocks(self, size: int) -> Iterator[bytes]:
         """Whole lines in pieces of about so many bytes; pieces of nothing but blanks are left out.
 
+        The first is shorter: who looks at the beginning of a file alone reads little more.
+
         Args:
             size: [bytes].
         """
-        held = b""
-        while block := self.read(size):
+        held, taken = b"", size // FIRST_PART
+        while block := self.read(taken):
+            taken = size
             whole, newline, rest = block.rpartition(b"\n")
             if newline:
                 text, held = held + whole + newline, rest
