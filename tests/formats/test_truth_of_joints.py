@@ -91,6 +91,13 @@ def test_a_joint_of_an_unknown_side_is_asked_for_where_both_are_there(load, mot)
     assert "truth.angles_guessed" not in codes(session)
 
 
+@pytest.mark.parametrize(("column", "told"), [("knee_angle_l", True), ("knee_angle_r", False)])
+def test_the_knee_of_the_other_leg_is_told_by_its_name(load, mot, column, told):
+    file = mot({"knee_angle_l": FLEXION, "knee_angle_r": FLEXION})
+    session = load(file, angles={"knee_r.flexion": column})
+    assert ("truth.both_sides" in codes(session)) == told
+
+
 @pytest.mark.parametrize("unit", ["deg", "rad", None])
 def test_angles_of_plug_in_gait_in_a_c3d_are_read(tmp_path, load, unit):
     pytest.importorskip("ezc3d")

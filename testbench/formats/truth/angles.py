@@ -15,6 +15,7 @@ from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.session.manifest import JointTruthRecord
 from testbench.records.session.samples import TrueAngles
+from testbench.records.specs.anatomy import side_of
 
 FARTHEST_RAD = 4 * np.pi
 """No joint of a body turns so far: such numbers are degrees [rad]."""
@@ -55,12 +56,27 @@ def give_angles(
         recording.findings.append(
             finding("truth.angles", where, system=table.system, rows=len(angles), columns=told)
         )
+        if recording.analysis.body is not None:
+            ends = recording.analysis.body.joints[name]
+            recording.findings += _of_both_sides(where, name, ends.proximal, ends.distal, columns)
         recording.findings += _lost(where, columns, table.time_ns, angles)
         true = TrueAngles(table.time_ns[fresh], angles[fresh])
         source = f"{table.system}: {', '.join(told)}"
         own_record = record.model_copy(update={"truth": source})
         recording.angles[name] = ImportedAngles(true, own_record)
     recording.findings += table.findings
+
+
+def _of_both_sides(
+    where: str, joint: str, proximal: str, distal: str, columns: list[Chosen]
+) -> list[Finding]:
+    """What is to be said where names tell of the left and of the right: walking legs turn alike,
+    half a stride apart, which may be taken for a clock.
+    """
+    names = dict.fromkeys([joint, proximal, distal, *(own.column for own in columns)])
+    left = [name for name in names if side_of(name) == "left"]
+    right = [name for name in names if side_of(name) == "right"]
+    return [finding("truth.both_sides", where, left=left, right=right)] if left and right else []
 
 
 def _units(

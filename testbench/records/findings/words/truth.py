@@ -63,6 +63,14 @@ TEMPLATES = {
         "knees of OpenSim's models bend to positive angles, but for those of gait2392",
         "--truth-angle JOINT.ANGLE=COLUMN says otherwise, JOINT.ANGLE=-COLUMN the other sign",
     ),
+    "truth.both_sides": Template(
+        WARNING,
+        "{left} is called of the left, and {right} of the right",
+        "joint, sensors and truth must be of one side: legs walk alike, half a stride apart, and "
+        "what is judged may be the wrong one",
+        "--truth-angle JOINT.ANGLE=COLUMN and --joint NAME=PROXIMAL:DISTAL say which belong "
+        "together; other names, if these mislead",
+    ),
     "truth.angles_lost": Template(
         WARNING,
         "{lost} of {rows} rows of the truth are empty, and known rows are up to {longest_s:.2f} s "
