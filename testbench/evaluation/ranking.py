@@ -8,7 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtr
 
-from testbench.model.statistics.memory import FEWEST_MEMORIES, ErrorSeries, means
+from testbench.model.statistics.memory import (
+    FEWEST_MEMORIES,
+    ErrorSeries,
+    fewest_memories,
+    means,
+)
 from testbench.records.results.evaluation_rows import Comparison, RankRow
 
 SIGNIFICANCE = 0.05
@@ -128,7 +133,7 @@ def _differences(
     pairs = list(combinations(order, 2))
     if not pairs:
         return {}
-    held = {name: own.held()[0] for name, own in series.items()}
+    held = dict(zip(series, fewest_memories(list(series.values())), strict=True))
     apart = means(series[order[0]].layout, np.array([measured[a] - measured[b] for a, b in pairs]))
     return {
         (a, b): _Difference(

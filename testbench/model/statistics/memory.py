@@ -227,11 +227,13 @@ class ErrorSeries:
     square: np.ndarray
     signed: np.ndarray
 
-    def held(self) -> tuple[float, float]:
-        """Memories that the section holds of the errors, and the longest memory [s]."""
-        found = means(self.layout, np.vstack([self.mean, self.signed]))
-        worst = int(np.argmin(found.memories))
-        return float(found.memories[worst]), float(found.memory_s[worst])
+
+def fewest_memories(series: Sequence[ErrorSeries]) -> list[float]:
+    """How many memories the section holds of each of several errors of one layout."""
+    rows = [np.vstack([own.mean, own.signed]) for own in series]
+    found = means(series[0].layout, np.vstack(rows)).memories
+    ends = np.cumsum([len(own) for own in rows])
+    return [float(own.min()) for own in np.split(found, ends[:-1])]
 
 
 def error_series(own: Layout, errors: np.ndarray, *signed: np.ndarray) -> ErrorSeries:
@@ -278,11 +280,13 @@ def intervals(series: ErrorSeries) -> Intervals:
     That of the signed mean is symmetric; those of the mean magnitude and the RMS are symmetric in
     their logarithm, as they cannot be negative (Cox & Hinkley 1974, section 9.2: the delta method).
     """
-    found = means(series.layout, np.stack([series.mean, series.absolute, series.square]))
-    held, memory = series.held()
-    enough = np.minimum(found.memories, held) >= FEWEST_MEMORIES
+    found = means(
+        series.layout, np.vstack([series.mean, series.absolute, series.square, series.signed])
+    )
+    held = min(found.memories[0], *found.memories[3:], np.inf)
+    enough = np.minimum(found.memories[:3], held) >= FEWEST_MEMORIES
     half = (stdtrit(found.freedom, (1 + CONFIDENCE) / 2) * found.error).tolist()
-    mean, absolute, square = found.mean.tolist()
+    mean, absolute, square = found.mean[:3].tolist()
     ends = [
         [mean - half[0], mean + half[0]],
         _stretched(absolute, half[1]),
@@ -291,13 +295,12 @@ def intervals(series: ErrorSeries) -> Intervals:
     of_mean, of_magnitude, of_rms = (
         end if known else None for end, known in zip(ends, enough, strict=True)
     )
-    least = min(held, float(found.memories.min()))
-    memory = min(max([memory, *found.memory_s.tolist()]), series.layout.duration_s)
+    memory = min(float(found.memory_s.max()), series.layout.duration_s)
     return Intervals(
         of_mean,
         of_magnitude,
         of_rms,
-        int(min(least, len(series.layout.rows))),
+        int(min(found.memories.min(), len(series.layout.rows))),
         memory,
         None if enough.all() else too_few(series.layout.duration_s, memory),
     )
