@@ -45,9 +45,8 @@ def rank_filters(
         series: By filter; errors in degrees, of the same layout.
 
     Returns:
-        Rows, best first, and the comparisons behind them. Filters whose errors, or their
-        differences from others, last too long for the section are left out of both; where fewer
-        than two are left, both are empty.
+        Rows, best first, and the comparisons behind them. Filters whose errors last too long for
+        the section are left out of both; where fewer than two are left, both are empty.
     """
     measured = {
         name: own.absolute if criterion == MEAN_MAGNITUDE else own.square
@@ -55,13 +54,12 @@ def rank_filters(
     }
     values = {name: float(measured[name] @ own.layout.weight) for name, own in series.items()}
     order = sorted(series, key=lambda name: values[name])
-    found = _differences(order, measured, series)
-    few = {frozenset(pair) for pair, own in found.items() if own.memories < FEWEST_MEMORIES}
-    kept = _comparable(list(series), few, values)
-    order = [name for name in order if name in kept]
+    held = dict(zip(series, fewest_memories(list(series.values())), strict=True))
+    order = [name for name in order if held[name] >= FEWEST_MEMORIES]
     if len(order) < 2:
         return [], []
-    pairs = list(combinations(order, 2))
+    found = _differences(order, measured, series, held)
+    pairs = list(found)
     sizes = {
         name: 1.0 if criterion == MEAN_MAGNITUDE else float(np.sqrt(values[name])) for name in order
     }
@@ -127,13 +125,20 @@ class _Difference(NamedTuple):
 
 
 def _differences(
-    order: list[str], measured: dict[str, np.ndarray], series: dict[str, ErrorSeries]
+    order: list[str],
+    measured: dict[str, np.ndarray],
+    series: dict[str, ErrorSeries],
+    held: dict[str, float],
 ) -> dict[tuple[str, str], _Difference]:
-    """Of every pair, by the names in their order."""
+    """Of every pair, by the names in their order.
+
+    Args:
+        order: The filters that are compared, two at least.
+        measured: The criterion of each piece, by filter, shape (m,) each.
+        series: Errors, by filter.
+        held: Memories that the section holds of these.
+    """
     pairs = list(combinations(order, 2))
-    if not pairs:
-        return {}
-    held = dict(zip(series, fewest_memories(list(series.values())), strict=True))
     apart = means(series[order[0]].layout, np.array([measured[a] - measured[b] for a, b in pairs]))
     return {
         (a, b): _Difference(
@@ -146,34 +151,17 @@ def _differences(
     }
 
 
-def _comparable(names: list[str], few: set[frozenset[str]], sums: dict[str, float]) -> list[str]:
-    """The filters of whose differences from each other the section holds enough memories.
-
-    The others are left out one by one, the worst first.
-
-    Args:
-        names: Of the filters.
-        few: Pairs with too few memories.
-        sums: The criterion, by filter.
-    """
-    kept = list(names)
-    while True:
-        lost = {name: sum(frozenset((name, other)) in few for other in kept) for name in kept}
-        worst = max(lost, key=lambda name: (lost[name], sums[name]), default="")
-        if not lost.get(worst):
-            return kept
-        kept.remove(worst)
-
-
 def _exceeds(found: _Difference, relevant: float) -> float:
     """The two-sided p of a mean difference being larger than what is relevant.
+
+    It is 1 for a difference that lasts too long to tell.
 
     Args:
         found: The difference.
         relevant: The least difference that counts.
     """
     excess = abs(found.mean) - relevant
-    if excess <= 0:
+    if excess <= 0 or found.memories < FEWEST_MEMORIES:
         return 1.0
     return float(2 * stdtr(found.freedom, -excess / max(found.error, 1e-12)))
 

@@ -105,7 +105,7 @@ def test_slow_errors_alone_seldom_part_filters_that_are_alike():
             for i, name in enumerate(("one", "two"))
         }
         _, comparisons = rank_filters("elbow", None, None, MEAN_MAGNITUDE, series)
-        parted += comparisons[0].p_holm < 0.05
+        parted += any(c.p_holm < 0.05 for c in comparisons)
     assert parted < 0.12 * 200
 
 

@@ -110,7 +110,8 @@ def layout(time_s: np.ndarray, steps: Sequence[np.ndarray], equally: bool) -> La
     passed = np.cumsum(weight) - weight / 2
     orders = np.arange(1, min(MOST_COSINES, len(sizes) - 1) + 1)
     cosines = np.cos(np.pi * orders[:, None] * passed)
-    basis = weight * (cosines - (cosines @ weight)[:, None])  # blind to the mean
+    # blind to the mean, and of the mean's variance where errors are forgotten at once
+    basis = np.sqrt(2) * weight * (cosines - (cosines @ weight)[:, None])
     taus = duration * np.geomspace(SHORTEST, LONGEST, TAUS)
     powers = _powers(np.vstack([weight, basis]), np.diff(middle, prepend=middle[0]), taus)
     shares = powers[:, 1:] / powers[:, :1]
