@@ -25,7 +25,7 @@ any slow change, is out.
 LEAST_CHANGE_DEG = 0.2
 """With smaller changes of the field's heading (SD) the interval would be wider than from 0 to 1."""
 FEWEST_STRETCHES = 3
-"""With fewer minutes, or memories of the errors, nothing is said."""
+"""With fewer minutes nothing is said."""
 GYROSCOPE_DEG = 0.1
 """What a gyroscope's scale and axes may turn a heading by in the pace of the field, as both go by
 the pose. In three runs each of elbow_flexion, elbow_dynamic and magnetic_passage filters without
@@ -45,7 +45,7 @@ class Following:
             field; NaN without changes.
         error: Standard error of the share, that of a mean of errors with memory; infinite for
             too few half seconds.
-        blocks: Minutes or memories of the errors, whichever last longer.
+        blocks: Minutes, or degrees of freedom of the error and one, whichever are fewer.
     """
 
     n: int
@@ -156,6 +156,6 @@ def _following(time_s: np.ndarray, compass: np.ndarray, heading: np.ndarray) -> 
     if when is None:
         return Following(n, float(np.sqrt(square)), share, np.inf, 0)
     found = means(when, when.pieces(x * (y - share * x))[None])
-    stretches = int(min(when.duration_s / AROUND_S, found.memories[0], found.freedom[0] + 1))
+    stretches = int(min(when.duration_s / AROUND_S, found.freedom[0] + 1))
     error = float(found.error[0]) / square
     return Following(n, float(np.sqrt(square)), share, error, stretches)

@@ -411,4 +411,5 @@ def test_an_error_put_into_the_calibrated_bias_is_reported_as_such(quick):
         after.error_deg_s - before.error_deg_s for before, after in zip(right, off, strict=True)
     ]
     assert shifts == pytest.approx([-0.5, 0.0, 0.2] * 2, abs=1e-9)
-    assert all(0 < row.error_sd_deg_s < 0.05 for row in right)
+    known = [row.error_sd_deg_s for row in right if row.error_sd_deg_s is not None]
+    assert known and all(0 < sd < 0.05 for sd in known)  # null where its noise lasts too long

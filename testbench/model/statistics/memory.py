@@ -31,14 +31,14 @@ SHORTEST, LONGEST = 1 / 2000, 2.0
 """The first and the last of them, as shares of the section. The shorter ones look all alike to the
 cosines, and so do the longer ones.
 """
-DOUBT = 1.0
-"""The longest memory is taken whose log-likelihood falls short of the largest by no more: to one
-side, 84 of 100 memories are no longer (Wilks 1938: twice the difference is chi-square of one).
+DOUBT = 0.8
+"""The longest memory is taken whose log-likelihood falls short of the largest by no more: nine in
+ten true ones are no longer (Wilks 1938: twice the difference is chi-square of one, to one side).
 """
 LEAST_SHARE = 0.35
 """Cosines with a smaller share of the power at zero would say more of the law than of the mean."""
-FEWEST_MEMORIES = 4.6
-"""Of the longest memory taken; a section of ten true memories shows as many in seven of ten draws,
+FEWEST_MEMORIES = 4.9
+"""Of the longest memory taken; a section of ten true memories shows as many in six of ten draws,
 one of twenty in 96 of 100, and a random walk in one of twenty.
 """
 CONFIDENCE = 0.95

@@ -252,7 +252,7 @@ class GyroscopeBiasRow:
         estimated_deg_s: Bias by the calibration.
         estimated_sd_deg_s: Its standard uncertainty.
         error_deg_s: Mean of the calibrated rate at rest in the judged steps.
-        error_sd_deg_s: Its standard uncertainty, by blocks.
+        error_sd_deg_s: Its standard uncertainty; None where the noise lasts too long to tell.
         samples: How many were taken at rest.
     """
 
