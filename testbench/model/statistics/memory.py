@@ -70,7 +70,11 @@ class Layout:
     shares: np.ndarray
 
     def pieces(self, errors: np.ndarray) -> np.ndarray:
-        """Mean of errors, shape (n,), over each piece, shape (m,)."""
+        """Mean over each piece, shape (m,).
+
+        Args:
+            errors: Of every row, those too that do not count, shape (n,).
+        """
         return np.asarray(np.add.reduceat(errors[self.rows], self.starts) / self.sizes)
 
     def pieces_in(self, memory_s: float) -> int:
@@ -82,8 +86,9 @@ def layout(time_s: np.ndarray, steps: Sequence[np.ndarray], equally: bool) -> La
     """The layout of a section.
 
     Args:
-        time_s: Of every row, increasing [s].
-        steps: Rows of each step, in the order of time; all rows as one without a protocol.
+        time_s: Of every row, increasing, shape (n,) [s].
+        steps: Rows of each step, in the order of time, shape (rows of the step,) each; all rows as
+            one without a protocol.
         equally: Every step counts alike, else every row.
 
     Returns:

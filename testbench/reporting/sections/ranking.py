@@ -152,10 +152,10 @@ def with_interval(
     """A value with its confidence interval.
 
     Args:
-        value: Or None.
-        interval: Or None.
-        decimals: Of both.
-        why: The interval is missing.
+        value: None for one that could not be taken.
+        interval: Its ends.
+        decimals: Of all three numbers.
+        why: The interval is missing, in words; None where a value of this kind has none.
     """
     if interval is None and why and value is not None:
         return Cell(f"{digits(value, decimals)} [not known]", kind="number")
