@@ -140,11 +140,11 @@ def times(steps: str) -> tuple[Layout, int]:
 
 @cache
 def known(cell: Cell) -> tuple[float, float, float]:
-    """Standard deviation of the mean error, mean magnitude and RMS, from 3,000 draws."""
+    """Standard deviation of the mean error, mean magnitude and RMS, from 1,000 draws."""
     own, n = times(cell.steps)
     rng = np.random.default_rng(7)
     mean, magnitude, square = [], [], []
-    for _ in range(30):
+    for _ in range(10):
         drawn = LAWS[cell.law](rng, cell, (100, n))[:, own.rows]
         weight = np.repeat(own.weight / own.sizes, own.sizes)
         mean += (drawn @ weight).tolist()

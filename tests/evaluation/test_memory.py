@@ -58,14 +58,14 @@ def test_the_standard_error_is_that_of_theory(law, steps):
     assert 0.95 < stated / found.mean.std() < 1.35
 
 
-@pytest.mark.parametrize("cell", CELLS[::9], ids=str)
+@pytest.mark.parametrize("cell", CELLS[1::19], ids=str)
 def test_intervals_seldom_miss_and_equal_filters_are_seldom_parted(cell):
-    found = np.array([trial(cell, number)[:10] for number in range(60)], dtype=object)
+    found = np.array([trial(cell, number)[:10] for number in range(40)], dtype=object)
     missed, alarms = found[:, 1].sum(), found[:, 7].sum()
-    # bars 8 and 6 % of all draws: exceeded by so much in one of a thousand runs
-    assert missed <= 12 and alarms <= 10
+    # bars 8 and 6 % of all draws: exceeded by so much in one of five hundred runs
+    assert missed <= 9 and alarms <= 8
     if cell.memories() >= 20:
-        assert found[:, 0].sum() >= 50
+        assert found[:, 0].sum() >= 33
 
 
 @pytest.mark.parametrize("n", [240, 1024, 6000])
