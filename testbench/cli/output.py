@@ -442,7 +442,7 @@ def _groups(
             and not alone
             and sequence in ({row.sequence for row in ranked} or {sequence})
         ):
-            letter = "too few to rank"
+            letter = "not known"
         result[joint, section, name, sequence] = letter or ""
     return result
 

@@ -11,12 +11,7 @@ from scipy.special import stdtrit
 from testbench.evaluation.magnetic import FEWEST_SAMPLES, FieldDeviation
 from testbench.evaluation.orientation import SensorErrors
 from testbench.frames import NANOSECONDS
-from testbench.model.statistics.blocks import (
-    CONFIDENCE,
-    FEWEST_BLOCKS,
-    mean_and_error,
-    sample_series,
-)
+from testbench.model.statistics.memory import CONFIDENCE, layout, means
 from testbench.records.results.evaluation_rows import FieldFollowingRow
 
 BIN_NS = NANOSECONDS // 2
@@ -29,6 +24,8 @@ any slow change, is out.
 """
 LEAST_CHANGE_DEG = 0.2
 """With smaller changes of the field's heading (SD) the interval would be wider than from 0 to 1."""
+FEWEST_STRETCHES = 3
+"""With fewer minutes nothing is said."""
 GYROSCOPE_DEG = 0.1
 """What a gyroscope's scale and axes may turn a heading by in the pace of the field, as both go by
 the pose. In three runs each of elbow_flexion, elbow_dynamic and magnetic_passage filters without
@@ -46,8 +43,9 @@ class Following:
             [rad].
         share: Of that in the filter's heading: 1 for a compass, 0 for a filter that ignores the
             field; NaN without changes.
-        error: Standard error of the share by blocks of a minute or more; infinite for a single one.
-        blocks: How many.
+        error: Standard error of the share, that of a mean of errors with memory; infinite for
+            too few half seconds.
+        blocks: Minutes, or degrees of freedom of the error and one, whichever are fewer.
     """
 
     n: int
@@ -62,8 +60,8 @@ def following(time_ns: np.ndarray, field: np.ndarray, error: np.ndarray) -> Foll
     around.
 
     Ordinary least squares with intercept, and with a trend where the minute is cut at the ends or
-    has gaps. The standard error is that of the mean of regressor times residual, by blocks
-    (`mean_and_error`): it holds for residuals with memory and of changing size.
+    has gaps. The standard error is that of the mean of regressor times residual
+    (`means`): it holds for residuals with memory and of changing size.
 
     Args:
         time_ns: Of the judged samples, increasing, shape (n,), n > 0.
@@ -95,7 +93,7 @@ def following_rows(sensor: SensorErrors, found: FieldDeviation) -> list[FieldFol
         row = FieldFollowingRow(sensor.name, key, seen.n, change_deg, None, None, seen.blocks)
         if (
             change_deg >= LEAST_CHANGE_DEG
-            and seen.blocks >= FEWEST_BLOCKS
+            and seen.blocks >= FEWEST_STRETCHES
             and np.isfinite(seen.share)
         ):
             quantile = float(stdtrit(seen.blocks - 1, (1 + CONFIDENCE) / 2))
@@ -154,7 +152,10 @@ def _following(time_s: np.ndarray, compass: np.ndarray, heading: np.ndarray) -> 
     if not square > 0:
         return Following(n, 0.0, np.nan, np.inf, 0)
     share = float(np.mean(x * y)) / square
-    series = sample_series(x * (y - share * x))
-    least = round(AROUND_S * NANOSECONDS / BIN_NS * len(series) / n)
-    _, error, blocks = mean_and_error(series.mean, series.weight, max(least, 1))
-    return Following(n, float(np.sqrt(square)), share, error / square, blocks)
+    when = layout(time_s, [np.arange(n)], equally=False)
+    if when is None:
+        return Following(n, float(np.sqrt(square)), share, np.inf, 0)
+    found = means(when, when.pieces(x * (y - share * x))[None])
+    stretches = int(min(when.duration_s / AROUND_S, found.freedom[0] + 1))
+    error = float(found.error[0]) / square
+    return Following(n, float(np.sqrt(square)), share, error, stretches)

@@ -7,7 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from testbench.evaluation.judged import rows_by_step
-from testbench.model.statistics.blocks import mean_and_error, sample_series
+from testbench.frames import NANOSECONDS
+from testbench.model.statistics.memory import FEWEST_MEMORIES, layout, means
 from testbench.records.results.estimate import SensorEstimate
 from testbench.records.results.evaluation_rows import GyroscopeBiasRow
 from testbench.records.session.plan import PlannedStep
@@ -39,10 +40,12 @@ def bias_rows(
     if fit.method == "none" or rest.sum() < FEWEST_SAMPLES:
         return []
     rate, _, _ = fit.apply(samples.gyr[rest], samples.acc[rest], None)
+    when = layout(time[rest] / NANOSECONDS, [np.arange(len(rate))], equally=False)
+    if when is None:
+        return []
+    found = means(when, np.array([when.pieces(np.degrees(own)) for own in rate.T]))
     rows = []
     for i, axis in enumerate(AXES):
-        series = sample_series(np.degrees(rate[:, i]))
-        mean, error, _ = mean_and_error(series.mean, series.weight)
         sd = float(np.degrees(fit.gyr_bias_sd[i]))
         rows.append(
             GyroscopeBiasRow(
@@ -50,8 +53,8 @@ def bias_rows(
                 axis,
                 float(np.degrees(fit.gyr_bias[i])),
                 sd if np.isfinite(sd) else None,
-                mean,
-                error if np.isfinite(error) else None,
+                float(found.mean[i]),
+                float(found.error[i]) if found.memories[i] >= FEWEST_MEMORIES else None,
                 int(rest.sum()),
             )
         )

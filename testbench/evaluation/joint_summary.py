@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.evaluation.confidence import with_intervals
 from testbench.evaluation.dynamics import angle_delay
 from testbench.evaluation.flexion import JointErrors, Key
 from testbench.evaluation.metrics import correlation, summarise
 from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE, rank_filters
-from testbench.model.noise import random_stream
-from testbench.model.statistics.blocks import ErrorSeries, intervals, step_series
+from testbench.frames import NANOSECONDS
+from testbench.model.statistics.memory import Layout, error_series, layout
 from testbench.records.results.evaluation import JointRow
 from testbench.records.results.evaluation_rows import (
     Comparison,
@@ -71,9 +72,10 @@ def _section_summaries(
         rows_of[row.filter, row.sequence].append(row)
     result = []
     for motion, judged in by_motion(errors.sections()[section]).items():
+        when = _layout(errors, judged)
         for key in errors.error:
             of_motion = [row for row in rows_of[key] if motion in ("all", _motion(row.kind))]
-            found = _summary(errors, key, judged, of_motion, motion, clock_sd)
+            found = _summary(errors, key, judged, of_motion, motion, when, clock_sd)
             if motion != "dynamic":
                 found = _with_settling(found, [row for row in of_motion if row.kind != "sweep"])
             result.append(JointSummary(errors.name, *key, section, motion, found, *expanded))
@@ -84,15 +86,18 @@ def _section_ranking(
     errors: JointErrors, section: str, steps: list[tuple[PlannedStep, np.ndarray]]
 ) -> tuple[list[RankRow], list[Comparison]]:
     """Of the filters in a section, by the flexion and by the total error."""
-    own = {
-        name: series
+    when = _layout(errors, steps)
+    if when is None:
+        return [], []
+    flexion = {
+        name: np.degrees(error)
         for (name, label), error in errors.error.items()
-        if label == errors.joint.label and (series := _series(error, steps)) is not None
+        if label == errors.joint.label
     }
+    own = {name: error_series(when, error) for name, error in flexion.items()}
     whole = {
-        name: series
+        name: error_series(when, np.degrees(total), *([flexion[name]] if name in flexion else []))
         for name, total in errors.total.items()
-        if (series := _series(total, steps)) is not None
     }
     ranks: list[RankRow] = []
     comparisons: list[Comparison] = []
@@ -119,9 +124,9 @@ def _motion(kind: str) -> str:
     return "dynamic" if kind == "sweep" else "static"
 
 
-def _series(error: np.ndarray, judged: Judged) -> ErrorSeries | None:
-    moving = all(step.kind == "sweep" for step, _ in judged)
-    return step_series(np.degrees(error), [rows for _, rows in judged], moving, equally=True)
+def _layout(errors: JointErrors, judged: Judged) -> Layout | None:
+    """When the errors of some steps count, every step alike."""
+    return layout(errors.time_ns / NANOSECONDS, [rows for _, rows in judged], equally=True)
 
 
 def _summary(
@@ -130,6 +135,7 @@ def _summary(
     judged: Judged,
     by_step: list[JointRow],
     motion: str,
+    when: Layout | None,
     clock_sd: float,
 ) -> ErrorSummary:
     """Of a section by one filter and sequence.
@@ -140,6 +146,7 @@ def _summary(
         judged: Steps of the section in which it moves so.
         by_step: What was found in each of them.
         motion: "static", "dynamic" or "all".
+        when: Layout of these steps.
         clock_sd: Standard uncertainty of the proximal sensor's time [s].
     """
     every = np.concatenate([rows for _, rows in judged])
@@ -156,19 +163,9 @@ def _summary(
         max_abs_error_deg=together.max_abs,
         correlation=correlation(errors.flexion[key][every], errors.reference[every]),
     )
-    series = _series(errors.error[key], judged)
-    if series is not None:
-        found = intervals(
-            series, random_stream(0, errors.name, *key, judged[0][0].section, motion, "bootstrap")
-        )
-        result = replace(
-            result,
-            mean_error_ci95_deg=found.mean,
-            mean_abs_error_ci95_deg=found.absolute,
-            rmse_ci95_deg=found.rms,
-            blocks=found.blocks,
-            block_length=found.length,
-        )
+    result = with_intervals(
+        result, None if when is None else error_series(when, np.degrees(errors.error[key]))
+    )
     if motion == "dynamic":
         delay = angle_delay(
             errors.time_ns, errors.flexion[key], errors.reference, [rows for _, rows in judged]

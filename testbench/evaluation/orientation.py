@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from testbench.evaluation.confidence import with_intervals
 from testbench.evaluation.dynamics import (
     TrueTurning,
     amplitude_and_frequency,
@@ -22,10 +23,10 @@ from testbench.evaluation.metrics import (
     unwrapped_pair,
 )
 from testbench.evaluation.ranking import MEAN_SQUARE, rank_filters
+from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.frame_fit import moved_to_frames
-from testbench.model.noise import random_stream
-from testbench.model.statistics.blocks import ErrorSeries, intervals, sample_series, step_series
+from testbench.model.statistics.memory import ErrorSeries, Layout, error_series, layout
 from testbench.model.truth import truth_at
 from testbench.records.results.estimate import FrameFit, SensorEstimate
 from testbench.records.results.evaluation import OrientationRow
@@ -237,6 +238,7 @@ def summarise_sensor(
     of_the_rest = ~sensor.estimate.is_apart  # elsewhere the truth has frames of its own
     true_angles = {part: angle(sensor.q_true) for part, angle in ANGLES.items()}
     steps = {motion: _steps_within(sensor, mask) for motion, mask in motions.items()}
+    layouts = {motion: _layout(sensor, mask, steps[motion]) for motion, mask in motions.items()}
     for key, errors in sensor.errors.items():
         own = sensor.estimate.orientation[key]
         for part, error in (
@@ -256,8 +258,8 @@ def summarise_sensor(
             )
             degrees = np.degrees(error)
             for motion, mask in motions.items():
-                stream = random_stream(0, sensor.name, key, part, motion, "bootstrap")
-                found = _summary(degrees, mask, steps[motion], stream)
+                series = _series(layouts[motion], error, errors)
+                found = _summary(degrees, mask, steps[motion], series)
                 usual = mask & of_the_rest
                 if estimated is not None:
                     pair = estimated[usual], true_angles[part][usual]
@@ -282,9 +284,9 @@ def summarise_sensor(
 def rank_sensor(sensor: SensorErrors) -> tuple[list[RankRow], list[Comparison]]:
     """The filters by their RMS total error over all judged samples."""
     series = {}
-    steps = _steps_within(sensor, sensor.judged)
+    when = _layout(sensor, sensor.judged, _steps_within(sensor, sensor.judged))
     for key, errors in sensor.errors.items():
-        own = _series(np.degrees(errors.total), sensor.judged, steps)
+        own = _series(when, errors.total, errors)
         if own is not None:
             series[key] = own
     return (
@@ -341,22 +343,38 @@ def _steps_within(
     return [(step, rows) for step, rows in kept if len(rows)]
 
 
+def _layout(
+    sensor: SensorErrors, mask: np.ndarray, steps: list[tuple[PlannedStep, np.ndarray]] | None
+) -> Layout | None:
+    """When the errors that a mask, shape (n,), leaves count, every sample alike.
+
+    Args:
+        sensor: Its errors.
+        mask: Which count.
+        steps: As `_steps_within` gives them for the mask.
+    """
+    rows = [np.flatnonzero(mask)] if steps is None else [rows for _, rows in steps]
+    return layout(sensor.estimate.host_time_ns / NANOSECONDS, rows, equally=False)
+
+
 def _series(
-    error: np.ndarray, mask: np.ndarray, steps: list[tuple[PlannedStep, np.ndarray]] | None
+    when: Layout | None, error: np.ndarray, behind: OrientationErrors
 ) -> ErrorSeries | None:
-    """The series of errors, shape (n,), over the steps that `_steps_within` gives for a mask."""
-    if steps is None:
-        counted = error[mask]
-        return sample_series(counted) if len(counted) else None
-    moving = bool(steps) and all(step.kind == "sweep" for step, _ in steps)
-    return step_series(error, [rows for _, rows in steps], moving, equally=False)
+    """The series of a part of the errors, shape (n,) [rad], in degrees.
+
+    The magnitudes among them are remembered as long as the heading, the one part with a sign.
+    """
+    if when is None:
+        return None
+    signed = [] if np.isnan(behind.heading[when.rows]).any() else [np.degrees(behind.heading)]
+    return error_series(when, np.degrees(error), *signed)
 
 
 def _summary(
     error: np.ndarray,
     mask: np.ndarray,
     steps: list[tuple[PlannedStep, np.ndarray]] | None,
-    stream: np.random.Generator,
+    series: ErrorSeries | None,
 ) -> ErrorSummary:
     """Summary of the errors, shape (n,), that a mask leaves.
 
@@ -364,7 +382,7 @@ def _summary(
         error: Of every sample, shape (n,) [deg].
         mask: Which count, shape (n,); at least one.
         steps: As `_steps_within` gives them for the mask.
-        stream: Of the bootstrap.
+        series: The same in time; None for too few.
     """
     found = summarise(error[mask])
     result = ErrorSummary(
@@ -378,18 +396,7 @@ def _summary(
         found.p95_abs,
         found.max_abs,
     )
-    series = _series(error, mask, steps)
-    if series is None:
-        return result
-    sure = intervals(series, stream)
-    return replace(
-        result,
-        mean_error_ci95_deg=sure.mean,
-        mean_abs_error_ci95_deg=sure.absolute,
-        rmse_ci95_deg=sure.rms,
-        blocks=sure.blocks,
-        block_length=sure.length,
-    )
+    return with_intervals(result, series)
 
 
 def _with_settling(summary: ErrorSummary, sensor: SensorErrors, error: np.ndarray) -> ErrorSummary:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtr
 
-from testbench.model.statistics.blocks import ErrorSeries, mean_and_error
+from testbench.model.statistics.memory import (
+    FEWEST_MEMORIES,
+    ErrorSeries,
+    fewest_memories,
+    means,
+)
 from testbench.records.results.evaluation_rows import Comparison, RankRow
 
 SIGNIFICANCE = 0.05
-FEWEST_RANKED = 5
-"""Filters are not ranked on fewer independent blocks: with four, a pair among five filters would
-have to differ by more than seven standard errors to be told apart, so that letters would say
-nothing.
-"""
 MEAN_MAGNITUDE, MEAN_SQUARE = "mean |flexion error|", "RMS total error"
 LEAST_RELEVANT = 0.01
 """A difference is shown only where it exceeds this, the last digit that the tables give [deg]."""
@@ -31,60 +33,64 @@ def rank_filters(
 ) -> tuple[list[RankRow], list[Comparison]]:
     """Rank filters that were judged on the same blocks.
 
-    Each pair is compared by the mean difference of the criterion over blocks, against its standard
-    error that respects autocorrelation, by Student's t; what is tested is whether it exceeds 0.01
+    Each pair is compared by the mean difference of the criterion, against its standard error that
+    respects the memory of the errors, by Student's t; what is tested is whether it exceeds 0.01
     deg (a minimum-effect test: Murphy & Myors 1999), since with samples enough any two filters
-    differ. The family of all pairs keeps a level of 5 % (Holm 1979).
+    differ. The family of all pairs keeps a level of 5 % (Holm 1979); pairs of filters that are left
+    out stay in it, since the errors themselves chose which those are.
 
     Args:
         owner: Joint or sensor.
         section: Of the protocol, for a joint; None for a sensor.
         sequence: Of the joint's angles; None for a sensor.
         criterion: `MEAN_MAGNITUDE` compares |e|, `MEAN_SQUARE` e².
-        series: By filter; errors in degrees, equally long, on the same samples.
+        series: By filter; errors in degrees, of the same layout.
 
     Returns:
-        Rows, best first, and the comparisons behind them. Filters whose comparisons rest on too few
-        independent blocks are left out of both; where fewer than two are left, both are empty.
+        Rows, best first, and the comparisons behind them. Filters whose errors last too long for
+        the section are left out of both; where fewer than two are left, both are empty.
     """
     measured = {
         name: own.absolute if criterion == MEAN_MAGNITUDE else own.square
         for name, own in series.items()
     }
-    means = {name: float(measured[name].sum() / own.weight.sum()) for name, own in series.items()}
-    order = sorted(series, key=lambda name: means[name])
-    found = {
-        (a, b): mean_and_error(measured[a] - measured[b], series[a].weight)
-        for a, b in combinations(order, 2)
-    }
-    few = {frozenset(pair) for pair, (_, _, blocks) in found.items() if blocks < FEWEST_RANKED}
-    kept = _comparable(
-        list(series), few, {name: float(own.sum()) for name, own in measured.items()}
-    )
-    order = [name for name in order if name in kept]
+    values = {name: float(measured[name] @ own.layout.weight) for name, own in series.items()}
+    order = sorted(series, key=lambda name: values[name])
+    held = dict(zip(series, fewest_memories(list(series.values())), strict=True))
+    order = [name for name in order if held[name] >= FEWEST_MEMORIES]
     if len(order) < 2:
         return [], []
-    pairs = list(combinations(order, 2))
+    found = _differences(order, measured, series, held)
+    pairs = list(found)
     sizes = {
-        name: 1.0 if criterion == MEAN_MAGNITUDE else float(np.sqrt(means[name])) for name in order
+        name: 1.0 if criterion == MEAN_MAGNITUDE else float(np.sqrt(values[name])) for name in order
     }
     relevant = {
         (a, b): LEAST_RELEVANT * (1.0 if criterion == MEAN_MAGNITUDE else sizes[a] + sizes[b])
         for a, b in pairs
     }
-    tests = [_exceeds(*found[pair], relevant[pair]) for pair in pairs]
+    tests = [_exceeds(found[pair], relevant[pair]) for pair in pairs]
+    left_out = [1.0] * (math.comb(len(series), 2) - len(pairs))
     comparisons = [
         Comparison(
-            owner, section, sequence, criterion, *pair, found[pair][0], p, p_holm, found[pair][2]
+            owner,
+            section,
+            sequence,
+            criterion,
+            *pair,
+            found[pair].mean,
+            p,
+            p_holm,
+            int(min(found[pair].memories, len(series[pair[0]].layout.rows))),
         )
-        for pair, p, p_holm in zip(pairs, tests, holm(tests), strict=True)
+        for pair, p, p_holm in zip(pairs, tests, holm(tests + left_out)[: len(pairs)], strict=True)
     ]
     apart = {frozenset((c.first, c.second)) for c in comparisons if c.p_holm < SIGNIFICANCE}
     letters = group_letters(order, apart)
     rows = []
     for place, name in enumerate(order):
         differs = [frozenset((name, other)) in apart for other in order]
-        value = means[name] if criterion == MEAN_MAGNITUDE else float(np.sqrt(means[name]))
+        value = values[name] if criterion == MEAN_MAGNITUDE else float(np.sqrt(values[name]))
         alike = [
             other for other, far in zip(order, differs, strict=True) if other != name and not far
         ]
@@ -105,38 +111,62 @@ def rank_filters(
     return rows, comparisons
 
 
-def _comparable(names: list[str], few: set[frozenset[str]], sums: dict[str, float]) -> list[str]:
-    """The filters whose differences from each other hold enough independent blocks.
+class _Difference(NamedTuple):
+    """Mean difference of a pair of filters.
 
-    The others are left out one by one, the worst first.
+    Attributes:
+        mean: Of the criterion.
+        error: Its standard error.
+        freedom: Degrees of freedom of that.
+        memories: The fewest that the section holds, of either filter's errors or the difference.
+    """
+
+    mean: float
+    error: float
+    freedom: int
+    memories: float
+
+
+def _differences(
+    order: list[str],
+    measured: dict[str, np.ndarray],
+    series: dict[str, ErrorSeries],
+    held: dict[str, float],
+) -> dict[tuple[str, str], _Difference]:
+    """Of every pair, by the names in their order.
 
     Args:
-        names: Of the filters.
-        few: Pairs with too few blocks.
-        sums: The criterion, by filter.
+        order: The filters that are compared, two at least.
+        measured: The criterion of each piece, by filter, shape (m,) each.
+        series: Errors, by filter.
+        held: Memories that the section holds of these.
     """
-    kept = list(names)
-    while True:
-        lost = {name: sum(frozenset((name, other)) in few for other in kept) for name in kept}
-        worst = max(lost, key=lambda name: (lost[name], sums[name]), default="")
-        if not lost.get(worst):
-            return kept
-        kept.remove(worst)
+    pairs = list(combinations(order, 2))
+    apart = means(series[order[0]].layout, np.array([measured[a] - measured[b] for a, b in pairs]))
+    return {
+        (a, b): _Difference(
+            float(apart.mean[i]),
+            float(apart.error[i]),
+            int(apart.freedom[i]),
+            min(float(apart.memories[i]), held[a], held[b]),
+        )
+        for i, (a, b) in enumerate(pairs)
+    }
 
 
-def _exceeds(mean: float, error: float, blocks: int, relevant: float) -> float:
+def _exceeds(found: _Difference, relevant: float) -> float:
     """The two-sided p of a mean difference being larger than what is relevant.
 
+    It is 1 for a difference that lasts too long to tell.
+
     Args:
-        mean: The difference.
-        error: Its standard error.
-        blocks: How many independent blocks it rests on.
+        found: The difference.
         relevant: The least difference that counts.
     """
-    excess = abs(mean) - relevant
-    if excess <= 0:
+    excess = abs(found.mean) - relevant
+    if excess <= 0 or found.memories < FEWEST_MEMORIES:
         return 1.0
-    return float(2 * stdtr(blocks - 1, -excess / max(error, 1e-12)))
+    return float(2 * stdtr(found.freedom, -excess / max(found.error, 1e-12)))
 
 
 def holm(p: list[float]) -> list[float]:

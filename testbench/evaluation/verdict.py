@@ -148,6 +148,9 @@ def _joint_metrics(evaluation: ResultTables) -> list[Metric]:
                     expanded,
                     ci95,
                     lacking.get((joint, "flexion", section)) if has_uncertainty(kind) else None,
+                    None
+                    if whole is None or kind not in _CONFIDENCE or ci95
+                    else whole.errors.no_interval,
                 )
             )
     return metrics
@@ -216,14 +219,16 @@ def _sensor_metrics(evaluation: ResultTables) -> list[Metric]:
             value = getattr(row, kind, None) if item is None else getattr(item.errors, attribute)
             if value is None:
                 continue
-            expanded = ci95 = None
+            expanded = ci95 = no_interval = None
             if item is not None:
                 expanded = (
                     item.expanded_uncertainty_deg
                     if kind in _SIGNED
                     else item.expanded_uncertainty_magnitude_deg
                 )
-                ci95 = getattr(item.errors, confidence) if confidence else None
+                if confidence:
+                    ci95 = getattr(item.errors, confidence)
+                    no_interval = item.errors.no_interval if ci95 is None else None
             metrics.append(
                 Metric(
                     name,
@@ -237,6 +242,7 @@ def _sensor_metrics(evaluation: ResultTables) -> list[Metric]:
                     expanded_uncertainty=expanded,
                     ci95=ci95,
                     no_uncertainty=lacking.get((row.sensor, part, None)),
+                    no_interval=no_interval,
                 )
             )
     return metrics

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from testbench.evaluation import evaluate
+from testbench.evaluation import evaluate, ranking
 from testbench.evaluation.judged import SETTLING_NS, window
 from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE
 from testbench.exceptions import SessionError
@@ -319,13 +319,30 @@ def test_an_error_that_decays_after_each_move_is_seen_to_settle(quick):
     assert times == pytest.approx([tau * np.log(10)] * len(poses), abs=0.04)
 
 
-def test_filters_are_ranked_for_every_section_and_sensor(quick):
-    owners = {(row.owner, row.section) for row in quick.evaluation.ranking}
+def test_sections_of_seconds_are_not_ranked_and_say_why(quick):
+    """Six poses and one sweep of 4 s, with errors that last for seconds."""
+    assert not quick.evaluation.ranking and not quick.evaluation.comparisons
+    for summary in (*quick.evaluation.joint_summary, *quick.evaluation.orientation_summary):
+        e = summary.errors
+        ends = (e.mean_error_ci95_deg, e.mean_abs_error_ci95_deg, e.rmse_ci95_deg)
+        assert (e.no_interval is None) == all(end is not None for end in ends)
+        if e.no_interval:
+            assert e.no_interval.startswith("not known from this session: ")
+    lacking = [
+        metric
+        for metric in quick.evaluation.metrics
+        if metric.name == "elbow.flexion_rmse_deg" and metric.ci95 is None
+    ]
+    assert lacking and all(metric.no_interval for metric in lacking)
+
+
+def test_filters_are_ranked_for_every_section_and_sensor(quick, monkeypatch):
+    monkeypatch.setattr(ranking, "FEWEST_MEMORIES", 0.0)  # however few memories they hold
+    found = evaluate(quick.session, quick.estimate)
+    owners = {(row.owner, row.section) for row in found.ranking}
     assert owners == {("arm", None), ("forearm", None), ("elbow", "static"), ("elbow", "sweep")}
     for owner, section in owners:
-        own = [
-            row for row in quick.evaluation.ranking if (row.owner, row.section) == (owner, section)
-        ]
+        own = [row for row in found.ranking if (row.owner, row.section) == (owner, section)]
         criteria = {row.criterion for row in own}
         assert criteria == ({MEAN_SQUARE} if section is None else {MEAN_MAGNITUDE, MEAN_SQUARE})
         for criterion in criteria:
@@ -394,4 +411,5 @@ def test_an_error_put_into_the_calibrated_bias_is_reported_as_such(quick):
         after.error_deg_s - before.error_deg_s for before, after in zip(right, off, strict=True)
     ]
     assert shifts == pytest.approx([-0.5, 0.0, 0.2] * 2, abs=1e-9)
-    assert all(0 < row.error_sd_deg_s < 0.05 for row in right)
+    known = [row.error_sd_deg_s for row in right if row.error_sd_deg_s is not None]
+    assert known and all(0 < sd < 0.05 for sd in known)  # null where its noise lasts too long

@@ -384,10 +384,16 @@ def test_every_mean_error_has_its_uncertainty_and_every_source_its_line(
         assert all(source.source in text for source in budget.sources)
 
 
-def test_the_ranking_says_where_no_difference_is_shown(quick_page: Page, quick: Judged) -> None:
-    captions = {f"Ranking of the filters by {row.criterion}" for row in quick.evaluation.ranking}
-    assert captions and all(caption in quick_page.words for caption in captions)
-    assert "no difference shown from" in quick_page.words
+def test_the_report_says_what_intervals_speak_of_and_why_there_is_no_ranking(
+    quick_page: Page, quick: Judged
+) -> None:
+    assert not quick.evaluation.ranking
+    for owner in ("elbow, section static", "elbow, section sweep", "arm", "forearm"):
+        assert f"The filters are not ranked for {owner}: their errors may last" in quick_page.words
+    assert "is for this session repeated on the same part" in quick_page.words
+    reasons = {m.no_interval for m in quick.evaluation.metrics if m.no_interval}
+    assert reasons and all(reason in quick_page.words for reason in reasons)
+    assert "[not known]" in quick_page.words
 
 
 def test_a_joint_that_names_no_publication_gets_none_beside_it(

@@ -67,12 +67,9 @@ def result(run_protocol, tmp_path_factory):
 
 
 def total(result, joint, name):
-    (row,) = [
-        r
-        for r in result.evaluation.ranking
-        if (r.owner, r.filter, r.criterion) == (joint, name, "RMS total error")
-    ]
-    return row.value
+    """RMS total error over the sweep [rad]."""
+    series = result.evaluation.series[f"joint_{joint}"]
+    return float(np.sqrt(np.mean(series[f"{name}_total_error_rad"][series["judged"]] ** 2)))
 
 
 def test_the_drift_of_the_heading_is_taken_out(result):

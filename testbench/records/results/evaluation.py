@@ -297,9 +297,12 @@ class Metric:
         section: That it belongs to, or None.
         expanded_uncertainty: Of the truth it was held against (k = 2), in the metric's unit; None
             where it is not known.
-        ci95: 95 % confidence interval for another run of the same kind, or None.
+        ci95: 95 % confidence interval for this session repeated on the same part, mounted and
+            switched on as it was, or None.
         no_uncertainty: What its budget lacks, in words, so that no uncertainty is stated and it
             cannot pass; None where the uncertainty is stated, or a metric of this kind has none.
+        no_interval: Why there is no confidence interval, in words; None where there is one, or a
+            metric of this kind has none.
     """
 
     name: str
@@ -315,6 +318,7 @@ class Metric:
     expanded_uncertainty: float | None = None
     ci95: Interval = None
     no_uncertainty: str | None = None
+    no_interval: str | None = None
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from testbench.records.disk.json_record import Number
 
 Interval = list[Number] | None
-"""Lower and upper end of a 95 % confidence interval, or None where too few independent blocks were
-judged.
+"""Lower and upper end of a 95 % confidence interval, or None where it is not known from the
+session.
 """
 
 
@@ -30,12 +30,15 @@ class ErrorSummary:
         p95_abs_error_deg: 95th percentile of the magnitudes.
         max_abs_error_deg: The largest magnitude.
         correlation: Of estimated and true angle (Pearson); None where the true one hardly changes.
-        mean_error_ci95_deg: 95 % confidence interval of the mean error, from a circular block
-            bootstrap.
+        mean_error_ci95_deg: 95 % confidence interval of the mean error: where it would lie if this
+            session were repeated on the same part, mounted and switched on as it is.
         mean_abs_error_ci95_deg: That of the mean magnitude.
         rmse_ci95_deg: That of the root mean square.
-        blocks: Independent blocks that the intervals rest on.
-        block_length: Their length in poses, sweeps or equal runs of samples.
+        blocks: Whole memories of the errors that the section holds.
+        block_length: Length of one in equal runs of samples.
+        memory_s: The same in seconds: the longest that the errors do not speak against. None where
+            too few were judged.
+        no_interval: Why an interval is missing; None where none is.
         latency_ms: Delay behind the truth by least squares; None without motion.
         latency_sd_ms: Its standard uncertainty, with that of the clock; None without motion.
         convergence_s: Time from the end of a move until the error stays near its settled value:
@@ -59,6 +62,8 @@ class ErrorSummary:
     rmse_ci95_deg: Interval = None
     blocks: int = 0
     block_length: int = 0
+    memory_s: float | None = None
+    no_interval: str | None = None
     latency_ms: float | None = None
     latency_sd_ms: float | None = None
     convergence_s: float | None = None
@@ -247,7 +252,7 @@ class GyroscopeBiasRow:
         estimated_deg_s: Bias by the calibration.
         estimated_sd_deg_s: Its standard uncertainty.
         error_deg_s: Mean of the calibrated rate at rest in the judged steps.
-        error_sd_deg_s: Its standard uncertainty, by blocks.
+        error_sd_deg_s: Its standard uncertainty; None where the noise lasts too long to tell.
         samples: How many were taken at rest.
     """
 

@@ -40,6 +40,7 @@ from testbench.reporting.sections.outliers import (
     how_remarks,
 )
 from testbench.reporting.sections.ranking import (
+    REPEATED,
     distribution_table,
     plus_minus,
     ranking_blocks,
@@ -140,8 +141,10 @@ def _summaries(joint: str, rows: list[JointRow], evaluation: Evaluation) -> list
                     number(e.steps, 0),
                     number(e.n, 0),
                     plus_minus(e.mean_error_deg, item.expanded_uncertainty_deg),
-                    with_interval(e.mean_abs_error_deg, e.mean_abs_error_ci95_deg),
-                    with_interval(e.rmse_deg, e.rmse_ci95_deg),
+                    with_interval(
+                        e.mean_abs_error_deg, e.mean_abs_error_ci95_deg, why=e.no_interval
+                    ),
+                    with_interval(e.rmse_deg, e.rmse_ci95_deg, why=e.no_interval),
                     *(number(value, 2) for value in others),
                 ]
             )
@@ -167,8 +170,7 @@ def _summaries(joint: str, rows: list[JointRow], evaluation: Evaluation) -> list
             "How to read: e is estimated minus true flexion; every pose or sweep counts alike, "
             "however long it took. ± U is how far the truth itself may be off (k = "
             f"2){_of_magnitudes(found)}; it does not shrink with more poses of the same arm. In "
-            "square brackets: the 95 % confidence interval, from this session's own scatter over "
-            "its poses and sweeps; what a new mounting or power-up would change is not in it. The "
+            f"square brackets: the 95 % confidence interval; it {REPEATED} The "
             "last two columns are the mean absolute errors of the other two angles; a dash means "
             "gimbal lock. The middle angle of a sequence such as ZXZ is the angle between two "
             "axes: it is never negative, so that errors at 0 deg are one-sided, and where one of "

@@ -113,7 +113,7 @@ def _following(evaluation: Evaluation, sensor: str) -> list[Block]:
             "How to read: slope of the filter's heading error on the error that the field would "
             "give a compass, both against their means over the minute around: 1 follows what "
             "passes wholly, 0 rides it out. A disturbance that stays longer is followed more. In "
-            "square brackets: the 95 % confidence interval, by stretches of a minute or more, made "
+            "square brackets: the 95 % confidence interval, with the memory of the errors, made "
             "wider by what a gyroscope's own errors may do in the pace of the field (0.1 deg): a "
             "filter without magnetometer should have 0 in it. A compass may have less than 1 where "
             "accelerations turn it, too.",

@@ -22,6 +22,7 @@ from testbench.reporting.page.tables import Cell, Row, Table, digits, header, la
 from testbench.reporting.sections.magnetic import magnetic_blocks
 from testbench.reporting.sections.outliers import hidden_names, how_remarks, outliers_of, remark
 from testbench.reporting.sections.ranking import (
+    REPEATED,
     distribution_table,
     plus_minus,
     ranking_blocks,
@@ -146,7 +147,7 @@ def _by_filter(evaluation: Evaluation, found: Summaries) -> Table:
             heading = found.get((sensor, row.filter, "all", "heading"))
             cells = [
                 _best(
-                    with_interval(getattr(row, kind), _interval(found, row, part), 2),
+                    with_interval(getattr(row, kind), *_interval(found, row, part)),
                     getattr(row, kind) == low,
                 )
                 for kind, part, low in zip(_KINDS, (*_PARTS, None), lowest, strict=True)
@@ -176,7 +177,7 @@ def _by_filter(evaluation: Evaluation, found: Summaries) -> Table:
         titles + ([Cell("remark")] if any(far.values()) else []),
         rows,
         "How to read: over all judged samples; bold is the lowest of a sensor. In square brackets: "
-        "the 95 % confidence interval, from this session's own scatter over time. Inclination is "
+        f"the 95 % confidence interval; it {REPEATED} Inclination is "
         "what gravity can correct, heading what only a magnetometer or a known start can. "
         f"{_stated(evaluation)}" + how_remarks(any(far.values())),
     )
@@ -196,7 +197,12 @@ def _by_motion(evaluation: Evaluation, found: Summaries) -> Table:
                     cells = [
                         number(None)
                         if item is None
-                        else with_interval(item.errors.rmse_deg, item.errors.rmse_ci95_deg, 2)
+                        else with_interval(
+                            item.errors.rmse_deg,
+                            item.errors.rmse_ci95_deg,
+                            2,
+                            item.errors.no_interval,
+                        )
                         for item in parts
                     ]
                     lead = [label(row.filter), text(sensor), text(motion)]
@@ -224,9 +230,12 @@ def _interval(
     found: Summaries,
     row: OrientationRow,
     part: str | None,
-) -> Interval:
+) -> tuple[Interval, int, str | None]:
+    """Of an RMS: its interval, the digits to show, and why it is missing."""
     own = None if part is None else found.get((row.sensor, row.filter, "all", part))
-    return None if own is None else own.errors.rmse_ci95_deg
+    if own is None:
+        return None, 2, None
+    return own.errors.rmse_ci95_deg, 2, own.errors.no_interval
 
 
 def _best(cell: Cell, lowest: bool) -> Cell:

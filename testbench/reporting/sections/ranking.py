@@ -20,6 +20,12 @@ WHOLE_JOINT = (
     "against the proximal one, all three angles at once: headings count here, even where the "
     "flexion does not see them; "
 )
+REPEATED = (
+    "is for this session repeated on the same part, from the scatter of its errors and how long "
+    "they last; what another part, mounting, power-up or alignment would change is not in it. Not "
+    "known: the errors may hang together for too long to tell from this session."
+)
+"""What confidence intervals speak of."""
 FORMS = (("shares", "its", "it", "it is"), ("share", "their", "them", "they are"))
 """Of one and of several filters."""
 
@@ -38,7 +44,8 @@ def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = Non
         reason = (
             "only one filter ran"
             if len(several) < 2
-            else "too few independent poses, sweeps or stretches of time"
+            else "their errors may last too long for what was judged, so that nothing is known "
+            "from this session"
         )
         return [Sentence(f"The filters are not ranked for {where}: {reason}.")]
     compared = [c for c in evaluation.comparisons if (c.owner, c.section) == (owner, section)]
@@ -118,8 +125,10 @@ def _ranking(
         body,
         f"How to read: {what}filters that share a letter were not shown to differ by more than "
         "0.01 deg, which does not say that they are equal; the rank gives every place that this "
-        f"leaves open. Pairs are compared on the same samples, block by block (from {blocks} "
-        "independent blocks), at a level of 5 % for all pairs together; the smallest p is that of "
+        "leaves open. Pairs are compared on the same samples, which hold at least "
+        f"{blocks} memories of their errors, at a level of 5 % for all pairs together, for this "
+        "session repeated on the same part; another part, mounting, power-up or alignment may "
+        "order them otherwise. The smallest p is that of "
         "the clearest difference from any other filter, after Holm's correction. The truth is the "
         f"same for all, so its uncertainty does not count here.{how_remarks(bool(far))}",
     )
@@ -137,8 +146,19 @@ def plus_minus(value: float | None, expanded: float | None, decimals: int = 3) -
     )
 
 
-def with_interval(value: float | None, interval: Interval, decimals: int = 3) -> Cell:
-    """A value with its confidence interval."""
+def with_interval(
+    value: float | None, interval: Interval, decimals: int = 3, why: str | None = None
+) -> Cell:
+    """A value with its confidence interval.
+
+    Args:
+        value: None for one that could not be taken.
+        interval: Its ends.
+        decimals: Of all three numbers.
+        why: The interval is missing, in words; None where a value of this kind has none.
+    """
+    if interval is None and why and value is not None:
+        return Cell(f"{digits(value, decimals)} [not known]", kind="number")
     if interval is None:
         return number(value, decimals)
     ends = f"{digits(interval[0], decimals)}, {digits(interval[1], decimals)}"
@@ -221,8 +241,8 @@ def ranking_doubts(evaluation: Evaluation, owner: str, section: str | None = Non
         verb = "is" if len(left) == 1 else "are"
         sentences.append(
             Sentence(
-                f"{', '.join(left)} {verb} not ranked: errors that last so long hold too few "
-                "independent stretches."
+                f"{', '.join(left)} {verb} not ranked: errors may last too long for what was "
+                "judged."
             )
         )
     for criterion in dict.fromkeys(row.criterion for row in rows):

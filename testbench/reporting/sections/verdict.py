@@ -14,7 +14,7 @@ from testbench.reporting.page.tables import (
     text,
 )
 from testbench.reporting.sections.findings import finding_sentences
-from testbench.reporting.sections.ranking import plus_minus
+from testbench.reporting.sections.ranking import REPEATED, plus_minus
 
 NOT_EVALUATED = "This session has not been evaluated: there is nothing to judge yet."
 WALK_ALONE = (
@@ -48,7 +48,7 @@ def verdict_section(evaluation: Evaluation | None, walked: bool = False) -> Sect
                 "with less to spare than the protocol wants, or keeps it while U cannot be stated, "
                 "and then its meaning says why; not measured could not be taken. The worst of them "
                 "is the verdict on the sensors. It says nothing about the bench. The 95 % "
-                "confidence interval comes from this session's own scatter.",
+                f"confidence interval {REPEATED}",
             )
         )
     else:
@@ -58,7 +58,8 @@ def verdict_section(evaluation: Evaluation | None, walked: bool = False) -> Sect
             _metrics(
                 "Metrics without a limit",
                 others,
-                "How to read: for information; no limit was set for them.",
+                "How to read: for information; no limit was set for them. The 95 % confidence "
+                f"interval {REPEATED}",
                 limits=False,
             )
         )
@@ -86,6 +87,7 @@ def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True)
                 Cell(metric.outcome.words, kind=f"badge {metric.outcome.value}"),
             ]
         lacking = f" (no U: {metric.no_uncertainty})" if metric.no_uncertainty else ""
+        lacking += f" (95 % CI: {metric.no_interval})" if metric.no_interval else ""
         rows.append(Row([*cells, text(metric.meaning + lacking, kind="wide")]))
     titles = ["metric", "filter", "sequence", "section"]
     columns = [
@@ -100,7 +102,7 @@ def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True)
 
 def _interval(metric: Metric) -> Cell:
     if metric.ci95 is None:
-        return number(None)
+        return Cell("not known", kind="number") if metric.no_interval else number(None)
     return Cell(f"[{digits(metric.ci95[0], 3)}, {digits(metric.ci95[1], 3)}]", kind="number")
 
 
