@@ -25,6 +25,8 @@ ABSURD = 1e9
 """Beyond this a number is no reading in any unit; the mean of any with one is not used, either."""
 BLOCK, BLOCKS, MOST_BLOCKS = 64, 32, 512
 """Rows of a block that tells the noise, blocks of a chunk, and of a recording."""
+ENOUGH_BLOCKS, FURTHER_BLOCKS = 64, 8
+"""Once so many are known, a chunk adds fewer."""
 WHITE = 1.4
 """The median of fourth differences over that of third ones, above which they are noise: 1.87 for
 white noise, sqrt(70 / 20), and at most 1 for a motion that is sampled six times a period.
@@ -181,7 +183,8 @@ class QuantityTraits:
         if len(array) < 8:
             return
         size = min(BLOCK, len(array))
-        begins = np.unique(np.linspace(0, len(array) - size, BLOCKS).astype(int))
+        wanted = BLOCKS if sum(map(len, self._noise)) < ENOUGH_BLOCKS else FURTHER_BLOCKS
+        begins = np.unique(np.linspace(0, len(array) - size, wanted).astype(int))
         blocks = array[begins[:, None] + np.arange(size)]
         first = np.abs(np.diff(blocks, axis=1))
         changes = first.max(axis=(1, 2)) > 0

@@ -77,7 +77,7 @@ def test_what_tune_writes_is_what_the_other_commands_use_and_mark(sessions, tmp_
         assert row.tuned_on == ["s0", "s1"]
         page = (path / "report.html").read_text()
         assert f"beta {beta:.4g}" in page
-        assert ("madgwick_marg was tuned on this session: the place" in page) is (
+        assert ("madgwick_marg was tuned on this session: its errors" in page) is (
             path == sessions[0]
         )
         assert "defaults, or the protocol&#39;s" in page  # vqf_9d beside it

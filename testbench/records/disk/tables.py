@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -132,16 +133,23 @@ def write_parquet_batches(
 def write_pieces(
     path: Path, schema: pa.Schema, batches: Iterable[pa.RecordBatch | pa.Table]
 ) -> int:
-    """Write batches of rows into a new file.
+    """Write batches of rows into a new file, each group of rows while the next one is gathered.
 
     Returns:
         Number of rows.
     """
-    count = 0
-    with pq.ParquetWriter(path, schema, **_encoding(schema)) as file:
+    count, under_way = 0, None
+    with (
+        pq.ParquetWriter(path, schema, **_encoding(schema)) as file,
+        ThreadPoolExecutor(1) as thread,
+    ):
         for table in regrouped(schema, batches, ROWS_PER_GROUP):
-            file.write_table(table, row_group_size=ROWS_PER_GROUP)
+            if under_way is not None:
+                under_way.result()  # one at a time: memory is that of two groups
+            under_way = thread.submit(file.write_table, table, row_group_size=ROWS_PER_GROUP)
             count += table.num_rows
+        if under_way is not None:
+            under_way.result()
     return count
 
 
