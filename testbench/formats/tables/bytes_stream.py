@@ -102,13 +102,13 @@ class LineStream(io.RawIOBase):
         held, taken = b"", size // FIRST_PART
         while block := self.read(taken):
             taken = size
-            whole, newline, rest = block.rpartition(b"\n")
-            if newline:
-                text, held = held + whole + newline, rest
+            end = block.rfind(b"\n") + 1
+            if end:
+                text, held = held + block[:end], block[end:]
                 if not text.isspace():
                     yield text
             else:
-                held += rest
+                held += block
             if len(held) > LONGEST_LINE:
                 raise self._refuse(_TOO_LONG)
         if held and not held.isspace():

@@ -18,7 +18,7 @@ from testbench.records.findings.finding import Finding
 
 WINDOW = 512
 """Rows to either side of a step back among which its explanation is looked for."""
-SEARCHED = 1024
+SEARCHED = 8192
 """Steps that are looked at together for one back."""
 SHORT = 20
 """At most so many stamps in a row are a fault of the logger."""
