@@ -54,9 +54,9 @@ class Rests:
 
     @property
     def show_gravity(self) -> bool:
-        """Whether what is read points another way in some of them and is about as long in all, as
-        gravity does and is where the pose is another one. A bias does not turn, and what a moving
-        body adds to it is of any length.
+        """Whether gravity shows: in some rests the reading points another way, and in all it is
+        about as long. A bias points the same way in every pose, and what motion adds to it has no
+        usual length.
         """
         known = self.acc[np.isfinite(self.acc).all(axis=1)]
         if len(known) < FEWEST:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from testbench.records.results.evaluation import Evaluation, OrientationRow
-from testbench.records.results.evaluation_rows import RankRow
+from testbench.records.results.evaluation_rows import RankRow, TunedRow
 from testbench.reporting.page.page import Sentence
 from testbench.reporting.page.tables import Table
 from testbench.reporting.sections.ranking import ranking_blocks, ranking_doubts
@@ -62,3 +62,12 @@ def test_where_nobody_is_told_apart_the_letters_say_enough() -> None:
     alike = [rank(name, 1.0, "a", *(other for other in NAMES if other != name)) for name in NAMES]
     assert said(replace(EVALUATION, ranking=alike, orientation=EVALUATION.orientation[:3])) == []
     assert said(replace(EVALUATION, ranking=[])) == []
+
+
+def test_a_filter_that_was_tuned_on_the_session_has_the_place_of_a_fit() -> None:
+    for here in (True, False):
+        tuned = [TunedRow("good", {"beta": 0.1}, "RMS total error", "2026-01-02", ["s"], here)]
+        blocks = ranking_blocks(replace(EVALUATION, tuned=tuned), "shank")
+        told = [block.text for block in blocks if isinstance(block, Sentence)]
+        fit = "good was tuned on this session: the place in this ranking is that of a fit"
+        assert any(text.startswith(fit) for text in told) is here
