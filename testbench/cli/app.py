@@ -22,6 +22,7 @@ from testbench.cli.options import (
     FiltersOption,
     JsonOption,
     ProtocolArgument,
+    RepeatsOption,
     ReturnedOption,
     RobotOption,
     SequenceOption,
@@ -29,6 +30,7 @@ from testbench.cli.options import (
     SetOption,
     TunedOption,
     analysis_request,
+    beside,
     described_by,
     exit_code,
     optional,
@@ -217,6 +219,7 @@ def evaluate(
     compare: CompareOption = None,
     sequence: SequenceOption = None,
     returned: ReturnedOption = False,
+    repeats: RepeatsOption = None,
     json: JsonOption = False,
 ) -> None:
     """Compare the estimates with the truth and judge them."""
@@ -224,7 +227,8 @@ def evaluate(
 
     opened = _open(session)
     asked = analysis_request(filters, parameters, calibration, tuned)
-    result = judge_again(opened, described_by(asked, compare, sequence, returned))
+    wanted = beside(described_by(asked, compare, sequence, returned), repeats)
+    result = judge_again(opened, wanted)
     if json:
         say_json(result.to_dict())
     else:
@@ -243,6 +247,7 @@ def report(
     compare: CompareOption = None,
     sequence: SequenceOption = None,
     returned: ReturnedOption = False,
+    repeats: RepeatsOption = None,
     json: JsonOption = False,
 ) -> None:
     """Estimate, evaluate and write report.html anew."""
@@ -250,7 +255,8 @@ def report(
 
     opened = _open(session)
     asked = analysis_request(filters, parameters, calibration, tuned)
-    result = analyse(opened, described_by(asked, compare, sequence, returned))
+    wanted = beside(described_by(asked, compare, sequence, returned), repeats)
+    result = analyse(opened, wanted)
     if json:
         say_json(result.to_dict())
     else:

@@ -9,6 +9,15 @@ TEMPLATES = {
     "plan.reference": Template(WARNING, "{text}"),
     "run.incomplete": Template(WARNING, "{how}: {message}"),
     "run.resumed": Template(NOTE, "this session {goes_on}"),
+    "repeats.left_out": Template(
+        NOTE,
+        "the session {session} does not count among the repetitions: {why}",
+    ),
+    "repeats.one_part": Template(
+        NOTE,
+        "all repetitions are of one part ({part})",
+        "their scatter does not hold what another part would change",
+    ),
     "judged.no_step": Template(
         WARNING, "no step of the protocol was finished, so there is nothing to judge"
     ),
