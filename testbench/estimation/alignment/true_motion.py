@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from testbench.estimation.alignment.parting import parting_finding
 from testbench.estimation.alignment.truth_reading import RateFit, fit_rates, misread
 from testbench.estimation.signals.access import SampleAccess
 from testbench.estimation.signals.common_motion import MOST_DRIFT
@@ -160,6 +161,8 @@ def true_motion(
         findings.insert(0, told)
     if doubt is None and sound.clock.method == "none" and sound.truth is not None:
         findings += _late(access, sound.truth, described, sound.clock)
+    if not unaligned and sound.clock.method != "arrival":
+        findings += parting_finding(access.turned, read, sound.truth)
     return replace(sound, findings=findings, unaligned=unaligned, fit=fit)
 
 
