@@ -161,9 +161,15 @@ def true_motion(
         findings.insert(0, told)
     if doubt is None and sound.clock.method == "none" and sound.truth is not None:
         findings += _late(access, sound.truth, described, sound.clock)
-    if not unaligned and sound.clock.method != "arrival":
-        findings += parting_finding(access.turned, read, sound.truth)
+    findings += _parting(access, read, replace(sound, unaligned=unaligned))
     return replace(sound, findings=findings, unaligned=unaligned, fit=fit)
+
+
+def _parting(access: SampleAccess, read: np.ndarray, motion: TrueMotion) -> list[Finding]:
+    """Where truth and gyroscope part slowly, if they can be compared at all."""
+    if motion.unaligned or motion.truth is None or motion.clock.method == "arrival":
+        return []
+    return parting_finding(access.turned, read, motion.truth)
 
 
 def _without_faults(
