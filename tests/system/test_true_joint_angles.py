@@ -229,6 +229,15 @@ def test_a_truth_of_another_person_judges_nothing(walked):
     assert isinstance(render(session, Estimate.load(session.path), found), str)
 
 
+def test_radians_where_the_file_says_degrees_are_named_beside_their_errors(walked):
+    radians = {"knee_angle_r": np.radians(walked.angles["knee_r"][:, 0])}
+    file = angle_files.write_mot(walked.folder / "radians.mot", walked.time, radians)
+    _, found = judged(walked, "radians", file)
+    (said,) = [own for own in found.findings if own.code == "truth.angle_unit"]
+    assert said.values["factor"] == pytest.approx(57.3, abs=0.1)
+    assert "clock.no_common_motion" not in {own.code for own in found.findings}
+
+
 def test_a_session_that_lost_its_true_angles_is_damaged(walked):
     session = imported(walked, "lost", walked.mot)
     (session.path / "angles_knee_r.parquet").unlink()
