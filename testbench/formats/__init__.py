@@ -131,6 +131,18 @@ TRUTHS = {
 """What --truth reads, for people."""
 
 
+def _with_body(recording: Recording, given: Body | None) -> None:
+    """Give a recording the joints that a person names, and say what contradicts them all."""
+    if given is None and recording.analysis.body is None:
+        return
+    from testbench.formats.body import attach_body, name_findings
+
+    if given is not None:
+        attach_body(recording, given)
+    if recording.analysis.body is not None:
+        recording.findings += name_findings(recording.analysis.body)
+
+
 def import_recording(
     name: str,
     files: list[Path],
@@ -187,10 +199,7 @@ def import_recording(
             raise FileProblems(files[0], [Problem(f"sensor '{key}' has no samples")])
     if options.axes is not None:
         remap_axes(recording, find_axes(options.axes), options.axes)
-    if body is not None:
-        from testbench.formats.body import attach_body
-
-        attach_body(recording, body)
+    _with_body(recording, body)
     if truth is not None:  # its angles are those of joints
         from testbench.formats.truth.attach import attach_truth
 

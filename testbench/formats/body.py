@@ -8,7 +8,7 @@ from testbench.exceptions import InputError, NotFoundError
 from testbench.formats.recording import Recording
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
-from testbench.records.specs.anatomy import kind_of, side_of
+from testbench.records.specs.anatomy import BETWEEN, JointKind, kind_of, segment_of, side_of
 from testbench.records.specs.protocol import Body
 
 
@@ -64,4 +64,41 @@ def side_findings(body: Body, names: Iterable[str]) -> list[Finding]:
             continue
         if side_of(name, joint.distal, joint.proximal) is None:
             found.append(finding("structure.side_assumed", f"joint '{name}'"))
+    return found
+
+
+def name_findings(body: Body) -> list[Finding]:
+    """Joints of a limb whose names and those of their sensors contradict each other.
+
+    Args:
+        body: With its joints.
+    """
+    kinds = {name: kind_of(name, joint) for name, joint in body.joints.items()}
+    return [
+        own
+        for name, kind in kinds.items()
+        if kind is not None
+        for own in _contradicting(f"joint '{name}'", name, kind, body)
+    ]
+
+
+def _contradicting(where: str, name: str, kind: JointKind, body: Body) -> list[Finding]:
+    """A joint whose sensors are called after other segments than those beside it, or after the
+    other side of the body.
+    """
+    joint, found = body.joints[name], []
+    ends = (joint.proximal, joint.distal)
+    proximal, distal = (segment_of(end) or segment_of(body.segment(end).name) for end in ends)
+    if proximal is not None and distal is not None:
+        values = {"kind": kind, "proximal": ends[0], "distal": ends[1]}
+        if BETWEEN.get((distal, proximal)) == kind:
+            found.append(finding("structure.joint_turned", where, **values))
+        elif BETWEEN.get((proximal, distal)) != kind:
+            wanted = next(pair for pair, own in BETWEEN.items() if own == kind)
+            values["segments"] = f"{wanted[0]} and {wanted[1]}"
+            found.append(finding("structure.joint_elsewhere", where, **values))
+    sides = {own: side for own in (name, *ends) if (side := side_of(own)) is not None}
+    if len(set(sides.values())) > 1:
+        told = ", ".join(f"{own} ({side})" for own, side in sides.items())
+        found.append(finding("structure.joint_of_both_sides", where, names=told))
     return found

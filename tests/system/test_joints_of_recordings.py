@@ -206,6 +206,28 @@ def test_opensim_opens_their_motion_by_names_of_its_own_models(squats, squatted,
 # --- what is not shown, and what is wrong
 
 
+@pytest.mark.parametrize(
+    ("joint", "told"),
+    [
+        ("knee_r=RFemur:RTibia", set()),
+        ("hip_r=Pelvis:RFemur", set()),
+        ("knee_r=RTibia:RFemur", {"structure.joint_turned", "joint.sensors_exchanged"}),
+        ("hip_r=RFemur:Pelvis", {"structure.joint_turned", "joint.sensors_exchanged"}),
+        ("knee_r=Pelvis:RTibia", {"structure.joint_elsewhere", "joint.centre_apart"}),
+        ("knee_r=Pelvis:RFemur", {"structure.joint_elsewhere"}),  # its motion is a joint's, too
+        ("knee_l=RFemur:RTibia", {"structure.joint_of_both_sides"}),
+    ],
+)
+def test_sensors_that_are_not_those_of_the_joint_are_named(data, tmp_path, joint, told):
+    files = tuple(str(own) for own in sorted((data / "xsens_dot").glob("*.csv")))
+    body, out = BodyRequest(joints=(joint,)), str(tmp_path / "s")
+    asked = ImportRequest(format="xsens_dot", files=files, out=out, body=body)
+    session = bring_in(asked, SystemClock())
+    found = [*session.manifest.findings, *estimate(session).joints[joint.split("=")[0]].findings]
+    warned = {own.code for own in found if own.severity == "warning"}
+    assert {code for code in warned if code.startswith(("joint", "structure.joint"))} == told
+
+
 def test_a_body_that_does_not_move_has_no_angles_and_says_what_to_add(tmp_path, clock):
     scene = walking_limb.walk(1, 2.5)  # stands
     mapping, files = walking_limb.export(scene, tmp_path / "files", JOINTS)

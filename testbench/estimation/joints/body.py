@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from testbench.estimation.filters import OrientationFilter
+from testbench.estimation.joints.above import proximal_above
+from testbench.estimation.joints.anatomical_range import beyond_anatomy
 from testbench.estimation.joints.angle_sd import AngleBudget, angle_sd
 from testbench.estimation.joints.centre_apart import centre_apart
 from testbench.estimation.joints.constrained import constrained, is_constrained
@@ -193,7 +195,10 @@ def _place(
     else:
         placing = _by_standing(recording, joints, kind, limb, relative)
     for name, joint in joints.items():
-        placing.findings.setdefault(name, []).extend(_of_centre(limb, joint, kind.name))
+        told = _of_centre(limb, joint, kind.name)
+        if not told and placing.standing is not None and kind_of(name, joint) is not None:
+            told = _of_order(limb, joint, kind.name, placing.standing)
+        placing.findings.setdefault(name, []).extend(told)
     return placing
 
 
@@ -206,6 +211,25 @@ def _of_centre(limb: Limb, joint: BodyJoint, key: str) -> list[Finding]:
         return [finding("joint.centre_apart", filter=key)]
     shift, sensor = apart.shift_s, joint.distal
     return [finding("joint.clocks_apart", filter=key, shift_s=shift, sensor=sensor)]
+
+
+def _of_order(limb: Limb, joint: BodyJoint, key: str, standing: Standing) -> list[Finding]:
+    """Whether the sensors of a joint were exchanged: all joints of known kinds hang while standing,
+    the proximal segment above.
+    """
+    above = proximal_above(limb, joint.proximal, joint.distal, standing)
+    if above is None or not above.upside_down:
+        return []
+    return [
+        finding(
+            "joint.sensors_exchanged",
+            filter=key,
+            proximal=joint.proximal,
+            distal=joint.distal,
+            below_cm=-100 * above.height,
+            sd_cm=100 * above.sd,
+        )
+    ]
 
 
 def _aligned_to_truth(recording: BodyRecording, names: Sequence[str], key: str) -> bool:
@@ -432,6 +456,7 @@ def _angles(
         found.sd[key, definition.label] = as_kept(
             angle_sd(time, q[0], q[1], decomposition_of(definition), budget)
         )
+    found.findings.extend(beyond_anatomy(name, joint, key, found.angles[key, joint.label]))
 
 
 def _with_drift(

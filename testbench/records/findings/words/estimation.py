@@ -131,6 +131,25 @@ TEMPLATES = {
         "its angles are not to be believed",
         "look which sensors the joint names, and whether their times agree",
     ),
+    "joint.sensors_exchanged": Template(
+        WARNING,
+        "{filter}: {proximal} is said to be nearer to the trunk, and hangs {below_cm:.0f} cm below "
+        "{distal} while standing, by how the centre of the joint moves (standard uncertainty "
+        "{sd_cm:.0f} cm)",
+        "the two sensors were exchanged, or the pose is not upright; its angles are not to be "
+        "believed: signs and axes are those of the other segment",
+        "--joint NAME={distal}:{proximal}, or the proximal one first in `joints` of the mapping; "
+        "--standing FROM:TO, if the person stands at another time",
+    ),
+    "joint.beyond_anatomy": Template(
+        WARNING,
+        "{filter}: its flexion goes from {low_deg:.0f} to {high_deg:.0f} deg, and a {kind} goes "
+        "from {least_deg:g} to {most_deg:g} deg at most",
+        "it counts the other way or from another pose, or its sensors are not on the two segments "
+        "beside it, or one of them slipped",
+        "look which way forwards is said to be (--forward), when the person stands (--standing), "
+        "and which sensors the joint names (--joint)",
+    ),
     "joint.hinge_found": Template(
         NOTE,
         "{filter}: its axis was found by the motion in both sensors, to {sd_deg:.1f} deg together",
