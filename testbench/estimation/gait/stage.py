@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.estimation.calibration.stored_calibration import StoredCalibrations
 from testbench.estimation.filters import choose_filters
 from testbench.estimation.gait.foot import FootWalk, walk_on_foot
 from testbench.estimation.gait.notices import notices_on_foot, notices_on_regression
@@ -13,6 +14,7 @@ from testbench.estimation.gait.parameters import PUBLISHED
 from testbench.estimation.gait.placement import place_by_motion, place_by_name, side_by_name
 from testbench.estimation.gait.readings import Readings, fits_in_memory, readings_of
 from testbench.estimation.gait.settings import DEFAULT_PARAMETERS, GaitSettings
+from testbench.estimation.gait.steps import with_steps
 from testbench.estimation.gait.strides import (
     LEAST_STRIDES,
     foot_strides,
@@ -27,6 +29,7 @@ from testbench.estimation.signals.recording import SensorRecording
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.findings.catalogue import finding
+from testbench.records.results.calibration_file import SensorCalibration
 from testbench.records.results.gait import Gait, SensorGait
 from testbench.records.session.session import Session
 
@@ -36,36 +39,51 @@ LEAST_SAMPLES = 100
 Signals = dict[str, np.ndarray]
 
 
-def gait(session: Session, settings: GaitSettings | None = None) -> Gait:
+def gait(
+    session: Session,
+    settings: GaitSettings | None = None,
+    calibrations: list[SensorCalibration] | None = None,
+) -> Gait:
     """Find the strides of everybody who walked in a recording.
 
     Args:
         session: The recording.
         settings: What is known beside the samples; everything is found if None.
+        calibrations: Stored ones to correct the raw samples with; each sensor takes its own that is
+            nearest in time.
 
     Raises:
         NotFoundError: The settings name what does not exist.
-        InputError: A mounting that was named cannot be.
+        InputError: A mounting that was named cannot be, or calibrations were given and not one is
+            of a sensor of this session.
         SessionError: The session's samples are damaged, or being recorded.
     """
     settings = settings or GaitSettings()
     settings.check(session.sensor_names)
+    given = StoredCalibrations(session, calibrations or [])
+    given.check()
     sensors: dict[str, SensorGait] = {}
     walks: dict[str, Signals] = {}
     for name in session.sensor_names:
-        sensors[name], signals = _of_sensor(SensorRecording.of(session, name), settings)
+        recording = SensorRecording.of(session, name)
+        own, signals = _of_sensor(recording, settings, given.of(name))
+        sensors[name] = replace(own, findings=[*given.findings(name), *own.findings])
         if signals:
             walks[name] = signals
+    sensors, findings = with_steps(sensors, session.manifest.findings)
     return Gait(
         session=session.name,
         fingerprint=session.fingerprint,
         sensors=sensors,
         symmetry=symmetry(list(sensors.values())),
+        findings=findings,
         walks=walks,
     )
 
 
-def _of_sensor(recording: SensorRecording, settings: GaitSettings) -> tuple[SensorGait, Signals]:
+def _of_sensor(
+    recording: SensorRecording, settings: GaitSettings, stored: SensorCalibration | None
+) -> tuple[SensorGait, Signals]:
     """The gait by one sensor, and its signals; none where there is no walk to be had."""
     name = recording.name
     own = SensorGait(sensor=name, side=side_by_name(name))
@@ -74,7 +92,7 @@ def _of_sensor(recording: SensorRecording, settings: GaitSettings) -> tuple[Sens
         return replace(own, findings=[finding("gait.too_long", name, samples=count)]), {}
     if recording.raw.count < LEAST_SAMPLES:
         return replace(own, findings=[finding("gait.no_walk", name)]), {}
-    readings = readings_of(recording)
+    readings = readings_of(recording, stored)
     if not np.isfinite(readings.acc).any() or not readings.uniform.gyr.any():
         return replace(own, findings=[finding("gait.no_triads", name)]), {}
     told = settings.on.get(name, "")

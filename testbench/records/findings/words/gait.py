@@ -94,6 +94,18 @@ TEMPLATES = {
         "it is hardly a walk by a sensor on a foot",
         "if it sits elsewhere, say where with --on SENSOR=shank, wrist or chest",
     ),
+    "gait.no_common_clock": Template(
+        WARNING,
+        "both feet carry sensors, whose clocks are not known to be one",
+        "the time of a step goes from one foot to the other, and none is given",
+        "record both on one clock, or import files whose times share one (Unix time)",
+    ),
+    "gait.not_alternating": Template(
+        WARNING,
+        "only {share_percent:.0f} % of the contacts come after one of the other foot",
+        "the feet of a walk alternate: strides were missed, or the clocks are not one; no time of "
+        "a step is given",
+    ),
     "gait.derived": Template(
         NOTE,
         "it has no angular rates",
