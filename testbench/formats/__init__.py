@@ -135,11 +135,12 @@ def _with_body(recording: Recording, given: Body | None) -> None:
     """Give a recording the joints that a person names, and say what contradicts them all."""
     if given is None and recording.analysis.body is None:
         return
-    from testbench.formats.body import attach_body, name_findings
+    from testbench.formats.body import attach_body, name_findings, refuse_contradictions
 
     if given is not None:
         attach_body(recording, given)
     if recording.analysis.body is not None:
+        refuse_contradictions(recording.analysis.body)
         recording.findings += name_findings(recording.analysis.body)
 
 

@@ -50,6 +50,47 @@ def attach_body(recording: Recording, given: Body) -> None:
     recording.findings += side_findings(body, given.joints)
 
 
+def refuse_contradictions(body: Body) -> None:
+    """Refuse a body whose parts cannot hold together.
+
+    Args:
+        body: With its joints.
+
+    Raises:
+        InputError: A joint lies within one segment, or is compared with one of a robot; a sensor
+            that no joint has points forwards; or a pose is given that nothing is placed by.
+    """
+    alignment = body.alignment
+    methods = {joint.aligned(body).method for joint in body.joints.values()}
+    if methods == {"stated"} and (alignment.standing_s or alignment.forward):
+        raise InputError(
+            "joints placed as stated (--place-by, alignment.method) take their axes from "
+            "`segments`, and neither --standing (standing_s) nor --forward (forward) has an "
+            "effect; leave one of them out"
+        )
+    used = {end for joint in body.joints.values() for end in (joint.proximal, joint.distal)}
+    for name in body.alignment.forward:
+        if name not in used:
+            raise InputError(
+                f"--forward (alignment.forward) speaks of {name}, and no joint is of that sensor; "
+                f"joints are of {', '.join(sorted(used))}"
+            )
+    for name, joint in body.joints.items():
+        first, second = (body.segment(end).name for end in (joint.proximal, joint.distal))
+        if first == second:
+            raise InputError(
+                f"joint '{name}' is between two sensors of one segment, '{first}'; give "
+                f"{joint.proximal} and {joint.distal} segments of their own (--segment "
+                "SENSOR=NAME, `segments` of the mapping)"
+            )
+        if joint.reference_joint is not None:
+            raise InputError(
+                f"joint '{name}' has the reference_joint '{joint.reference_joint}', which is one "
+                "of a robot, and no robot carries these sensors; true angles go into "
+                "`truth_angles`, or --truth with --truth-angle"
+            )
+
+
 def side_findings(body: Body, names: Iterable[str]) -> list[Finding]:
     """Joints of a limb of which nobody says on which side of the body they are.
 

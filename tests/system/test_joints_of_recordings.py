@@ -228,6 +228,23 @@ def test_sensors_that_are_not_those_of_the_joint_are_named(data, tmp_path, joint
     assert {code for code in warned if code.startswith(("joint", "structure.joint"))} == told
 
 
+@pytest.mark.parametrize(
+    ("body", "code"),
+    [
+        ({"standing": "0:9"}, "joint.standing_moves"),
+        ({"place_by": "stated"}, "joint.axes_unstated"),
+    ],
+)
+def test_what_a_person_says_of_the_pose_and_the_recording_denies_is_told(
+    data, tmp_path, body, code
+):
+    files = tuple(str(own) for own in sorted((data / "xsens_dot").glob("*.csv")))
+    asked = BodyRequest(joints=("knee_r=RFemur:RTibia",), **body)
+    out = str(tmp_path / "s")
+    session = bring_in(ImportRequest(format="xsens_dot", files=files, out=out, body=asked))
+    assert code in {own.code for own in estimate(session).joints["knee_r"].findings}
+
+
 def test_a_body_that_does_not_move_has_no_angles_and_says_what_to_add(tmp_path, clock):
     scene = walking_limb.walk(1, 2.5)  # stands
     mapping, files = walking_limb.export(scene, tmp_path / "files", JOINTS)
@@ -286,7 +303,7 @@ def test_an_edited_manifest_is_refused_with_what_is_allowed(squats, tmp_path, an
     ("options", "words"),
     [
         ({"joints": ("k=RFemur:Tibia",)}, "known: Pelvis, RFemur, RTibia"),
-        ({"joints": ("k=RFemur:RFemur",)}, "joints.k: proximal and distal are the same sensor"),
+        ({"joints": ("k=RFemur:RFemur",)}, "--joint k: proximal and distal are the same sensor"),
         ({"joints": ("k=RFemur",)}, "NAME=PROXIMAL:DISTAL"),
         ({"joints": ("1=RFemur:RTibia",)}, "must be a name"),
         ({"joints": ("k=RFemur:RTibia", "k=Pelvis:RTibia")}, "twice for k"),
@@ -294,7 +311,18 @@ def test_an_edited_manifest_is_refused_with_what_is_allowed(squats, tmp_path, an
         ({"joints": ("k=RFemur:RTibia",), "sequences": ("h=ZXY",)}, "the joints are k"),
         ({"joints": ("k=RFemur:RTibia",), "sequences": ("ZXY", "ZYX")}, "twice for all"),
         ({"joints": ("k=RFemur:RTibia",), "sequences": ("{hinge: [0]}",)}, "at least 3"),
+        ({"joints": ("k=RFemur:RTibia",), "sequences": ("=ZXY",)}, "JOINT=DEFINITION"),
         ({"joints": ("k=RFemur:RTibia",), "standing": "now"}, "FROM:TO"),
+        ({"joints": ("k=RFemur:RTibia",), "standing": "2:1"}, "--standing: [2.0, 1.0]"),
+        ({"joints": ("k=RFemur:RTibia",), "forward": ("Pelvis=z",)}, "no joint is of that sensor"),
+        (
+            {"joints": ("k=RFemur:RTibia",), "place_by": "stated", "standing": "0:1"},
+            "has an effect",
+        ),
+        (
+            {"joints": ("k=RFemur:RTibia",), "segments": ("RFemur=leg", "RTibia=leg")},
+            "two sensors of one segment, 'leg'",
+        ),
         ({"joints": ("k=RFemur:RTibia",), "forward": ("RFemur=q",)}, "'x', 'y', 'z'"),
         ({"sequences": ("ZXY",)}, "there is none"),
         ({"forward": ("Pelvis=x",)}, "there is none"),

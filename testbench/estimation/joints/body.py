@@ -54,6 +54,10 @@ ALIGNED_SD = np.radians(0.5)
 """Of the heading between two sensors that were brought to one truth [rad]."""
 VAGUE = np.radians(10.0)
 """A relative heading that is known no better at some time is remarked on [rad]."""
+MOST_STATED_SWAY = np.radians(3.0)
+"""Who is said to stand and turns by more about the mean does not (RMS): twice what a rest that is
+found may sway by [rad].
+"""
 DIRECTIONS = {
     sign + name: (1 if not sign else -1) * np.eye(3)[i]
     for sign in ("", "-")
@@ -294,15 +298,17 @@ def _as_stated(
         name: as_stated(stated_axes(recording.body, name), heading, sd)
         for name, heading in headings.items()
     }
+    findings: dict[str, list[Finding]] = {}
+    for name, joint in joints.items():
+        bare = [own for own in _ends(joint) if not recording.body.segment(own).rotation_deg]
+        findings[name] = [finding("joint.axes_unstated", sensors=bare)] if bare else []
+        if name in relative:
+            findings[name].append(finding("joint.as_stated", by=relative[name].by))
     return Placing(
         placed,
         relative={name: relative[name].sd if name in relative else np.pi for name in joints},
         posed=dict.fromkeys(joints, False),
-        findings={
-            name: [finding("joint.as_stated", by=relative[name].by)]
-            for name in joints
-            if name in relative
-        },
+        findings=findings,
     )
 
 
@@ -403,6 +409,9 @@ def _said(
     code = "joint.standing_stated" if standing.told else "joint.standing_found"
     sd = recording.body.alignment.axes_sd_deg
     said = [finding(code, begin_s=begin, end_s=end, sd_deg=sd)]
+    sway = max(standing.sway[own] for own in _ends(recording.body.joints[name]))
+    if sway > MOST_STATED_SWAY:
+        said.append(finding("joint.standing_moves", sway_deg=float(np.degrees(sway))))
     relative = facing.relative_by.get(name, "")
     said.append(finding("joint.facing", filter=key, by=facing.by, relative=relative))
     return said

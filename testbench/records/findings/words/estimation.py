@@ -104,6 +104,21 @@ TEMPLATES = {
         "its angles are zero while the person is said to stand, from {begin_s:.2f} to {end_s:.2f} "
         "s, to {sd_deg:g} deg about each axis of each segment",
     ),
+    "joint.standing_moves": Template(
+        WARNING,
+        "its sensors turn by {sway_deg:.0f} deg RMS about their mean while the person is said to "
+        "stand",
+        "its angles are zero in the mean of that, which is no pose",
+        "--standing FROM:TO (alignment.standing_s) of a time at which nobody moves",
+    ),
+    "joint.axes_unstated": Template(
+        WARNING,
+        "nothing states the axes of the segments of {sensors} in their sensors",
+        "the sensors' own axes are taken for them, x forward, y up, z right, and angles are those "
+        "between the sensors",
+        "`segments: {{SENSOR: {{name: ..., rotation_deg: ...}}}}` of the mapping, or --place-by "
+        "standing",
+    ),
     "joint.facing": Template(
         NOTE,
         "{filter}: which way the body faces: by {by}; headings between its sensors: by {relative}",
