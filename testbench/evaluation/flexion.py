@@ -12,7 +12,6 @@ from testbench.evaluation.dynamics import amplitude_and_frequency, angle_delay, 
 from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.left_out import left_out
 from testbench.evaluation.metrics import Summary, correlation, summarise_each
-from testbench.evaluation.true_angles import told_angles
 from testbench.evaluation.turning import turned_by_sensor
 from testbench.model import rotation
 from testbench.model.joint_angle import (
@@ -24,6 +23,7 @@ from testbench.model.joint_angle import (
     nearest_turn,
     unwrapped,
 )
+from testbench.model.told_angles import told_angles
 from testbench.model.true_segment import true_segment
 from testbench.model.truth import WIDEST_GAP_NS, truth_at
 from testbench.records.findings.catalogue import finding

@@ -10,8 +10,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from testbench.evaluation.angle_errors import angle_error_rows, convention_findings
 from testbench.evaluation.flexion import JointErrors
-from testbench.evaluation.true_angles import told_angles
 from testbench.model.joint_angle import decomposition_of
+from testbench.model.told_angles import told_angles
 from testbench.records.results.estimate import ClockFit, JointEstimate
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import TrueAngles

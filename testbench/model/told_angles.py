@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.evaluation.held_angles import Held, held_angles
+from testbench.model.held_angles import Held, held_angles
 from testbench.model.joint_angle import INDEX, decomposition_of, joint_angle_series
 from testbench.model.truth import angles_at
 from testbench.records.findings.catalogue import finding
@@ -32,7 +32,6 @@ def told_angles(
     true, clock = session.true_angles(name), joint.true_clock
     if true is None or clock is None or clock.refused:
         return None
-    definition = session.analysis.joints[name]
     definition = session.analysis.joints[name]
     host_ns = clock.to_host(joint.host_time_ns)
     own = angles_at(true, host_ns)
