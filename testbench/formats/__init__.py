@@ -172,6 +172,7 @@ def import_recording(
     """
     from testbench.formats.axes import find_axes
     from testbench.formats.dates import earliest, recorded_in_name, stated_date
+    from testbench.formats.given_twice import copies, refuse_twice
     from testbench.formats.options import Options
     from testbench.formats.recording import write_recording
     from testbench.formats.remap import remap_axes
@@ -181,6 +182,7 @@ def import_recording(
     if name not in FORMATS:
         raise NotFoundError("format", name, list(FORMATS))
     _check_out(out)
+    refuse_twice(files)
     options = options if options is not None else Options()
     stated = None if options.recorded_at is None else stated_date(options.recorded_at)
     try:
@@ -192,6 +194,7 @@ def import_recording(
     recording.recorded = (
         stated or recording.recorded or earliest(recorded_in_name(file) for file in files)
     )
+    recording.findings += copies(files)
     if recording.recorded is None:
         recording.findings.append(finding("date.unknown"))
     for key, sensor in recording.sensors.items():

@@ -138,6 +138,29 @@ def test_two_feet_are_compared(found) -> None:
     assert 1.3 < rows["length_m"].left < 1.45
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--on", "foot", "--on", "shank"], "says foot and shank of all sensors"),
+        (["--filter", "nope"], "unknown filter 'nope'"),
+        (["--filter", "vqf_9d", "--on", "shank"], "--filter vqf_9d takes mag"),
+        (["--corners", "0,0 0,0"], "goes from its first corner to others"),
+        (["--corners", "0,0 1e300,1"], "goes from its first corner to others"),
+    ],
+)
+def test_what_cannot_be_said_of_a_walk_is_refused(simulated, capsys, words, said) -> None:
+    assert command("gait", simulated.path, "--no-report", *words) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+
+
+def test_what_has_no_effect_on_a_foot_is_told(simulated, capsys) -> None:
+    words = ["--mounting", "level", "--filter", "vqf_6d", "--json", "--no-report"]
+    result = told(capsys, "gait", simulated.path, *words)
+    (own,) = result["sensors"].values()
+    idle = [entry["sentence"] for entry in own["findings"] if entry["code"] == "gait.idle"]
+    assert len(idle) == 2 and "--mounting" in idle[0] and "--filter" in idle[1]
+
+
 def test_steps_go_from_the_contact_of_one_foot_to_that_of_the_other(data, found) -> None:
     contacts = {side: listed(data, side)[:, 2] / 204.8 for side in ("left", "right")}
     leaves = {side: listed(data, side)[:, 3] / 204.8 for side in ("left", "right")}

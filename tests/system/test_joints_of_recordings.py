@@ -228,6 +228,23 @@ def test_sensors_that_are_not_those_of_the_joint_are_named(data, tmp_path, joint
     assert {code for code in warned if code.startswith(("joint", "structure.joint"))} == told
 
 
+def test_a_file_that_is_given_twice_is_refused_and_a_copy_is_named(data, tmp_path):
+    femur = next((data / "xsens_dot").glob("RFemur*.csv"))
+    copy = tmp_path / femur.name.replace("RFemur", "RTibia")
+    shutil.copy(femur, copy)
+
+    def asked(*files):
+        return ImportRequest(
+            format="xsens_dot", files=tuple(map(str, files)), out=str(tmp_path / "s")
+        )
+
+    with pytest.raises(InputError, match=r"RFemur\S+ is given twice"):
+        bring_in(asked(femur, femur.parent / ".." / femur.parent.name / femur.name))
+    found = bring_in(asked(femur, copy)).manifest.findings
+    (said,) = [own for own in found if own.code == "structure.copies"]
+    assert said.values == {"first": femur.name, "second": copy.name}
+
+
 @pytest.mark.parametrize(
     ("body", "code"),
     [

@@ -13,7 +13,7 @@ from testbench.estimation.gait.notices import notices_on_foot, notices_on_regres
 from testbench.estimation.gait.parameters import PUBLISHED
 from testbench.estimation.gait.placement import place_by_motion, place_by_name, side_by_name
 from testbench.estimation.gait.readings import Readings, fits_in_memory, readings_of
-from testbench.estimation.gait.settings import DEFAULT_PARAMETERS, GaitSettings
+from testbench.estimation.gait.settings import DEFAULT_FILTER, DEFAULT_PARAMETERS, GaitSettings
 from testbench.estimation.gait.steps import with_steps
 from testbench.estimation.gait.strides import (
     LEAST_STRIDES,
@@ -26,9 +26,11 @@ from testbench.estimation.gait.strides import (
 from testbench.estimation.gait.walk import Walk, walk
 from testbench.estimation.gait.wearing import FOUND, levelled, mounting_matrix
 from testbench.estimation.signals.recording import SensorRecording
+from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration_file import SensorCalibration
 from testbench.records.results.gait import Gait, SensorGait
 from testbench.records.session.session import Session
@@ -54,7 +56,8 @@ def gait(
 
     Raises:
         NotFoundError: The settings name what does not exist.
-        InputError: A mounting that was named cannot be, or calibrations were given and not one is
+        InputError: A mounting that was named cannot be, a filter takes what a sensor does not give,
+            or calibrations were given and not one is
             of a sensor of this session.
         SessionError: The session's samples are damaged, or being recorded.
     """
@@ -67,7 +70,8 @@ def gait(
     for name in session.sensor_names:
         recording = SensorRecording.of(session, name)
         own, signals = _of_sensor(recording, settings, given.of(name))
-        sensors[name] = replace(own, findings=[*given.findings(name), *own.findings])
+        told = [*given.findings(name), *own.findings, *_idle(own, settings)]
+        sensors[name] = replace(own, findings=told)
         if signals:
             walks[name] = signals
     sensors, findings = with_steps(sensors, session.manifest.findings)
@@ -79,6 +83,17 @@ def gait(
         findings=findings,
         walks=walks,
     )
+
+
+def _idle(own: SensorGait, settings: GaitSettings) -> list[Finding]:
+    """What was said of a sensor that its way was not reckoned by."""
+    if own.method != "strapdown":
+        return []
+    said = [("--mounting", settings.mounting.get(own.sensor, FOUND) != FOUND)]
+    said.append(("--filter", settings.filter != DEFAULT_FILTER))
+    return [
+        finding("gait.idle", own.sensor, option=option, place=own.on) for option, on in said if on
+    ]
 
 
 def _of_sensor(
@@ -178,6 +193,11 @@ def _by_regression(
     unbiased = replace(readings.uniform, gyr=readings.rate)
     level = levelled(unbiased, R)
     kind = choose_filters([settings.filter])[0]
+    missing = kind.missing(level)
+    if missing:
+        raise InputError(
+            f"--filter {kind.name} takes {' and '.join(missing)}, which {own.sensor} does not give"
+        )
     q = kind.run(level)
     times = np.round(readings.time * NANOSECONDS).astype(np.int64)
     found = walk(times, q, PUBLISHED[parameters])

@@ -106,6 +106,13 @@ TEMPLATES = {
         "the feet of a walk alternate: strides were missed, or the clocks are not one; no time of "
         "a step is given",
     ),
+    "gait.idle": Template(
+        WARNING,
+        "{option} has no effect on it",
+        "a sensor on a {place} goes by strapdown navigation, which takes neither a mounting nor a "
+        "filter",
+        "leave it out, or name the --parameters of the regression to go by that",
+    ),
     "gait.derived": Template(
         NOTE,
         "it has no angular rates",

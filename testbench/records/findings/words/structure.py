@@ -54,6 +54,12 @@ TEMPLATES = {
         "",
         "end its name in _r or _l",
     ),
+    "structure.copies": Template(
+        WARNING,
+        "{first} and {second} hold the same, byte for byte",
+        "one is a copy of the other under another name, and two sensors read the same",
+        "look whether the right file was copied; leave one of them out",
+    ),
     "structure.joint_turned": Template(
         WARNING,
         "a {kind} has {distal} nearer to the trunk by the names of its sensors, and {proximal} is "
