@@ -16,6 +16,7 @@ from testbench.cli.filtering import filters
 from testbench.cli.gait import gait
 from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
+from testbench.cli.once import options_once
 from testbench.cli.options import (
     CalibrationOption,
     CompareOption,
@@ -416,6 +417,9 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
             f"go on: testbench run --resume {recovered.path}, on a real arm with --arm and its "
             "options"
         )
+
+
+options_once(app)
 
 
 def _open(path: Path) -> Session:

@@ -250,6 +250,11 @@ class GaitRequest(Asked):
     floor: Literal["found", "level", "any"] = Field(
         default="found", description="Whether all stands of a foot are equally high."
     )
+    calibrations: Place | None = Field(
+        default=None,
+        description="Stored calibration, or a folder of them: each sensor takes its own nearest in "
+        "time.",
+    )
     cycles: int | None = Field(default=None, description="Strides of one leg, as counted.")
     distance_m: float | None = Field(default=None, description="Length of the way, as measured.")
     corners_m: tuple[tuple[float, float], ...] = Field(

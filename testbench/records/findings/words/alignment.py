@@ -69,6 +69,15 @@ TEMPLATES = {
         "two angles were exchanged, or the truth is of another definition",
         "exchange them with --truth-angle, or in `truth_angles` of the mapping",
     ),
+    "truth.of_another_joint": Template(
+        WARNING,
+        "its true flexion moves as that of joint '{other}' (correlation of the rates "
+        "{correlation:.2f}, with its own {own_correlation:.2f})",
+        "the columns of two joints were exchanged, or a truth is given to the wrong joint; nothing "
+        "of it is judged",
+        "--truth-angle JOINT.ANGLE=COLUMN (`truth_angles` of the mapping) says which column is "
+        "whose; --joint NAME=PROXIMAL:DISTAL, which sensors are",
+    ),
     "clock.truth_unit": Template(
         WARNING,
         "the truth's times fit its motion when multiplied by {factor:g}",

@@ -76,6 +76,21 @@ TEMPLATES = {
         "one of the two counts the other way, and the errors are those of the truth as it was read",
         "a minus before its column turns it: --truth-angle JOINT.ANGLE=-COLUMN",
     ),
+    "truth.angle_unlike": Template(
+        WARNING,
+        "the truth of its {angle} hardly goes with the estimate (correlation {correlation:.2f} "
+        "where both are aligned)",
+        "it may be the angle of another joint, side or trial, or a sensor slipped; the errors are "
+        "those of the truth as it was read",
+        "--truth-angle JOINT.ANGLE=COLUMN says which column it is; --truth-offset, which time",
+    ),
+    "truth.angle_held": Template(
+        WARNING,
+        "the truth of its {angle} stays at {at_deg:.1f} deg, up to {longest_s:.2f} s at once, "
+        "while the estimate moves by up to {moved_deg:.1f} deg",
+        "it is at the end of its range, was lost and held, or was cut off; {count} of {samples} "
+        "samples are not judged there",
+    ),
     "truth.angle_offset": Template(
         NOTE,
         "the estimate of its {angle} is {offset_deg:+.1f} deg from the truth throughout, and "
