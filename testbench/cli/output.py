@@ -319,7 +319,7 @@ def _say_flexion(evaluation: Evaluation) -> None:
     }
     groups = _groups(evaluation, keys)
     say_table(
-        "Flexion error [deg]; U: of the truth (k = 2); filters that share a letter were not "
+        "Flexion error [deg]; U: of the truth (95 %); filters that share a letter were not "
         "shown to differ",
         [
             "joint",
@@ -367,7 +367,7 @@ def _say_angles(evaluation: Evaluation) -> None:
 def _say_chain(evaluation: Evaluation) -> None:
     """Errors of the joints of the chain."""
     say_table(
-        "Joints of the chain, error [deg]; U: of the truth (k = 2); covered: errors within "
+        "Joints of the chain, error [deg]; U: of the truth (95 %); covered: errors within "
         "1.96 of the stated uncertainty",
         [
             "section",

@@ -11,9 +11,8 @@ import numpy as np
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.flexion import JointErrors
 from testbench.evaluation.sensitivity import (
-    flexion_by_joints,
+    flexion_by_arm,
     judged_configurations,
-    turning_by_joints,
 )
 from testbench.evaluation.turning import judged_motion, judged_swing, length_of
 from testbench.evaluation.uncertainty import (
@@ -125,20 +124,19 @@ def _joint_budget(
             errors.name, "flexion", section, [*clocks, frames], [UNKNOWN_TRUTH, *missing]
         )
     placed, joint = session.analysis.sensors, errors.joint
-    by_joints, by_mounting = flexion_by_joints(arm.kinematics, placed, joint, configurations.q)
+    by_arm, by_mounting = flexion_by_arm(arm.kinematics, placed, joint, configurations.q)
     pose = arm.reference_pose(session)
     at_reference = (
-        None
-        if pose is None
-        else np.abs(flexion_by_joints(arm.kinematics, placed, joint, pose)[0][0])
+        None if pose is None else np.abs(flexion_by_arm(arm.kinematics, placed, joint, pose)[0][0])
     )
     weight = np.full(len(steps), 1 / len(steps))
-    c = ArmSensitivity(by_joints, np.abs(by_joints), configurations.step, weight, at_reference)
+    joints = len(arm.robot.joint_names)
+    c = ArmSensitivity(by_arm, np.abs(by_arm), configurations.step, weight, at_reference, joints)
     mounting = ArmSensitivity(
-        by_mounting, np.abs(by_mounting), configurations.step, weight, None
+        by_mounting, np.abs(by_mounting), configurations.step, weight, None, 0
     ).constant()
     sources = [
-        *arm_sources(arm.robot, arm.samples, steps, c),
+        *arm_sources(arm.robot, arm.kinematics.twists, arm.samples, steps, c),
         mounting_source(
             arm.robot, aligned, *(float(np.sqrt(np.sum(part**2))) for part in mounting)
         ),
@@ -229,8 +227,9 @@ def chain_budget(
     if arm is not None:
         own = np.zeros((len(steps), len(arm.robot.joint_names)))
         own[:, arm.robot.joint_names.index(joint)] = 1.0
-        c = ArmSensitivity(own, own, np.arange(len(steps)), counts[counts > 0] / counts.sum(), None)
-        sources = arm_sources(arm.robot, arm.samples, steps, c)
+        weight = counts[counts > 0] / counts.sum()
+        c = ArmSensitivity(own, own, np.arange(len(steps)), weight, None, own.shape[1])
+        sources = arm_sources(arm.robot, [], arm.samples, steps, c)
     return combine(joint, "angle", chain.section, [*sources, *clocks], missing)
 
 
@@ -292,13 +291,10 @@ def sensor_budgets(
     configurations = None if arm is None else judged_configurations(arm.samples, steps)
     axes = reference = None
     if arm is not None and configurations is not None:
-        axes = turning_by_joints(arm.kinematics, session.analysis.sensors[name], configurations.q)
+        link = session.analysis.sensors[name].link
+        axes = arm.kinematics.error_axes(link, configurations.q)
         pose = arm.reference_pose(session)
-        reference = (
-            None
-            if pose is None
-            else turning_by_joints(arm.kinematics, session.analysis.sensors[name], pose)[0]
-        )
+        reference = None if pose is None else arm.kinematics.error_axes(link, pose)[0]
     budgets = []
     for part in PARTS:
         speed = length_of(turning, part) if len(turning) else np.zeros(1)
@@ -326,13 +322,14 @@ def sensor_budgets(
             configurations.step,
             counts[counts > 0] / counts.sum(),
             None if reference is None else length_of(reference, part),
+            len(arm.robot.joint_names),
         )
         # Axes of the sensor that a mounting error turns it about: all three, the vertical ones, the
         # level ones.
         mounted = {"total": np.sqrt(3.0), "heading": 1.0, "inclination": np.sqrt(2.0)}[part]
         lasting = _mean_vertical(true.q[judged]) if part == "heading" else mounted
         sources = [
-            *arm_sources(arm.robot, arm.samples, steps, c),
+            *arm_sources(arm.robot, arm.kinematics.twists, arm.samples, steps, c),
             None if part == "heading" else levelling_source(arm.robot, float(np.sqrt(2.0))),
             mounting_source(arm.robot, aligned, lasting, mounted),
             *clocks,

@@ -11,11 +11,13 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
+from scipy.special import ndtri, stdtrit
 
 from testbench.evaluation.judged import window_rows
+from testbench.model.links import Twist
 from testbench.records.results.estimate import ClockFit
 from testbench.records.results.uncertainty import (
-    COVERAGE_FACTOR,
+    LEVEL,
     UncertaintyBudget,
     UncertaintySource,
 )
@@ -46,6 +48,7 @@ class _Stated:
         why: Where the value comes from, and why it counts or does not.
         distribution: A key of `_DIVISORS`.
         degrees_of_freedom: None for infinitely many.
+        rests_on: The number that the value is, where other lines are it too.
     """
 
     name: str
@@ -55,6 +58,7 @@ class _Stated:
     why: str
     distribution: str = "normal"
     degrees_of_freedom: float | None = None
+    rests_on: str = ""
 
     def source(self, mean: float, size: float) -> UncertaintySource:
         """The line of a budget.
@@ -78,6 +82,7 @@ class _Stated:
             abs(float(size)) * standard,
             self.degrees_of_freedom,
             self.why,
+            self.rests_on,
         )
 
 
@@ -101,13 +106,14 @@ class ArmSensitivity:
     """How one reported angle answers to the arm, by judged configuration.
 
     Attributes:
-        signed: Change of the angle with each joint, shape (m, n_joints), for errors that keep their
-            sign.
+        signed: Change of the angle with each joint's zero, and behind these with each twist of a
+            link, shape (m, sources), for errors that keep their sign.
         size: The same for magnitudes (for a rotation: its length about the axes that count).
         step: Step of each configuration, shape (m,).
         weight: Of each step, shape (steps,), summing to 1.
-        reference: `size` in the pose that the frames were aligned in, shape (n_joints,), or None
+        reference: `size` in the pose that the frames were aligned in, shape (sources,), or None
             without one.
+        joints: How many of the sources are joints; only these are redrawn by each move.
     """
 
     signed: np.ndarray
@@ -115,19 +121,21 @@ class ArmSensitivity:
     step: np.ndarray
     weight: np.ndarray
     reference: np.ndarray | None
+    joints: int
 
     def constant(self) -> tuple[np.ndarray, np.ndarray]:
         """Of the mean and of magnitudes, for an error that lasts all session.
 
         Returns:
-            Shape (n_joints,) each.
+            Shape (sources,) each.
         """
         signed, square = self._by_step(self.signed), self._by_step(self.size**2)
         return np.abs(self.weight @ signed), np.sqrt(self.weight @ square)
 
     def redrawn(self) -> tuple[float, float]:
         """Of the mean and of magnitudes, for an equal error of every joint drawn anew by step."""
-        signed, square = self._by_step(self.signed), self._by_step(self.size**2)
+        signed = self._by_step(self.signed[:, : self.joints])
+        square = self._by_step(self.size[:, : self.joints] ** 2)
         return float(np.sqrt(np.sum((self.weight[:, None] * signed) ** 2))), float(
             np.sqrt(np.sum(self.weight @ square))
         )
@@ -140,24 +148,23 @@ class ArmSensitivity:
 
 # One piece: one line of the budget after another, in the order in which they are shown.
 def arm_sources(
-    robot: Robot, arm: ArmSamples, steps: Sequence[PlannedStep], c: ArmSensitivity
+    robot: Robot,
+    twists: Sequence[Twist],
+    arm: ArmSamples,
+    steps: Sequence[PlannedStep],
+    c: ArmSensitivity,
 ) -> list[UncertaintySource]:
-    """What the arm itself contributes."""
-    spec, servo = robot.spec.uncertainty, robot.spec.servo
-    calibrated = np.degrees(robot.joint_angle_uncertainty)
-    result = []
-    for name, value, mean, size in zip(robot.joint_names, calibrated, *c.constant(), strict=True):
-        if max(mean, size) > LEAST_SENSITIVITY:
-            result.append(
-                _Stated(
-                    f"kinematic calibration, {name}",
-                    "B",
-                    value,
-                    "deg",
-                    OF_THE_ROBOT_FILE,
-                    degrees_of_freedom=spec.degrees_of_freedom,
-                ).source(mean, size)
-            )
+    """What the arm itself contributes.
+
+    Args:
+        robot: The arm, which states its uncertainties.
+        twists: Of its links, in the order of the sensitivities behind those of the joints.
+        arm: What it reported.
+        steps: That are judged.
+        c: How the angle answers to it.
+    """
+    servo = robot.spec.servo
+    result = _lasting_sources(robot, twists, c)
     mean, size = c.redrawn()
     result.append(
         _Stated(
@@ -201,6 +208,54 @@ def arm_sources(
             "does not enter",
         ).source(0.0, 0.0)
     )
+    return result
+
+
+def _lasting_sources(
+    robot: Robot, twists: Sequence[Twist], c: ArmSensitivity
+) -> list[UncertaintySource]:
+    """What the arm's kinematics are off by through the whole session: theta of each joint, alpha
+    (and beta) of each link; and a and d, which move links and turn none.
+    """
+    spec = robot.spec.uncertainty
+    zeros = [
+        (f"kinematic calibration, {name}", value, "joint_angle_deg")
+        for name, value in zip(
+            robot.joint_names, np.degrees(robot.joint_angle_uncertainty), strict=True
+        )
+    ]
+    tilts = [
+        (
+            f"twist {twist.name}, {twist.link.before} to {twist.link.after}",
+            spec.link_twist_deg,
+            "link_twist_deg",
+        )
+        for twist in twists
+    ]
+    result = [
+        _Stated(
+            name,
+            "B",
+            value,
+            "deg",
+            OF_THE_ROBOT_FILE,
+            degrees_of_freedom=spec.degrees_of_freedom,
+            rests_on=rests_on,
+        ).source(mean, size)
+        for (name, value, rests_on), mean, size in zip(zeros + tilts, *c.constant(), strict=True)
+        if max(mean, size) > LEAST_SENSITIVITY
+    ]
+    for name, value in (("lengths a", spec.link_length_mm), ("offsets d", spec.link_offset_mm)):
+        result.append(
+            _Stated(
+                f"{name} of the links",
+                "B",
+                value,
+                "mm",
+                "robot file (uncertainty): it moves links and turns none, so it does not enter",
+                degrees_of_freedom=spec.degrees_of_freedom,
+            ).source(0.0, 0.0)
+        )
     return result
 
 
@@ -344,7 +399,7 @@ def alignment_source(
         ).source(1.0, 1.0)
     if robot is None or c is None or c.reference is None:
         return None
-    size = float(np.sqrt(np.sum(c.reference**2)))
+    size = float(np.sqrt(np.sum(c.reference[: c.joints] ** 2)))
     return _Stated(
         "frame alignment",
         "B",
@@ -374,7 +429,7 @@ def combine(
     sources: Sequence[UncertaintySource | None],
     missing: Sequence[str],
 ) -> UncertaintyBudget:
-    """The budget of independent sources (JCGM 100:2008, eq. 10; degrees of freedom: eq. G.2b).
+    """The budget of independent sources (JCGM 100:2008, eq. 10).
 
     Args:
         owner: Joint of the protocol, joint of the arm, or sensor.
@@ -394,21 +449,17 @@ def combine(
             None,
             None,
             None,
-            COVERAGE_FACTOR,
+            None,
             None,
             None,
             list(missing),
         )
-    # JCGM 100:2008, eq. 10 with c_i u_i of each line; the degrees of freedom by eq. G.2b
-    squares = np.array([source.contribution_deg**2 for source in lines])
-    combined = float(np.sqrt(squares.sum()))
-    size = float(np.sqrt(sum(source.magnitude_deg**2 for source in lines)))
-    loss = sum(
-        source.contribution_deg**4 / source.degrees_of_freedom
-        for source in lines
-        if source.degrees_of_freedom is not None
-    )
-    freedom = combined**4 / loss if loss > 0 else None
+    signed = [source.contribution_deg for source in lines]
+    sizes = [source.magnitude_deg for source in lines]
+    # JCGM 100:2008, eq. 10 with c_i u_i of each line
+    combined, size = (float(np.sqrt(sum(x**2 for x in own))) for own in (signed, sizes))
+    freedom = effective_freedom(lines, signed)
+    k, of_size = coverage_factor(freedom), coverage_factor(effective_freedom(lines, sizes))
     return UncertaintyBudget(
         owner,
         quantity,
@@ -418,7 +469,45 @@ def combine(
         combined,
         size,
         freedom,
-        COVERAGE_FACTOR,
-        COVERAGE_FACTOR * combined,
-        COVERAGE_FACTOR * size,
+        k,
+        k * combined,
+        of_size * size,
+        coverage_factor_magnitude=of_size,
     )
+
+
+def effective_freedom(
+    lines: Sequence[UncertaintySource], contributions: Sequence[float]
+) -> float | None:
+    """Effective degrees of freedom (Welch & Satterthwaite; JCGM 100:2008, eq. G.2b).
+
+    Lines that rest on one number are one: where that is too small, they all are.
+
+    Args:
+        lines: Of a budget.
+        contributions: Of each of them to the combined standard uncertainty.
+
+    Returns:
+        None for infinitely many.
+    """
+    squares: dict[object, float] = {}
+    freedoms: dict[object, float] = {}
+    for i, (line, contribution) in enumerate(zip(lines, contributions, strict=True)):
+        if line.degrees_of_freedom is not None:
+            key: object = line.rests_on or i
+            squares[key] = squares.get(key, 0.0) + contribution**2
+            freedoms[key] = min(line.degrees_of_freedom, freedoms.get(key, np.inf))
+    loss = sum(squares[key] ** 2 / freedoms[key] for key in squares)
+    total = sum(contribution**2 for contribution in contributions)
+    return total**2 / loss if loss > 0 else None
+
+
+def coverage_factor(freedom: float | None) -> float:
+    """The factor k for 95 %: Student's t, between whole numbers of degrees of freedom too (JCGM
+    100:2008, G.4.1).
+
+    Args:
+        freedom: Effective degrees of freedom; None for infinitely many.
+    """
+    quantile = (1 + LEVEL) / 2
+    return float(ndtri(quantile) if freedom is None else stdtrit(freedom, quantile))

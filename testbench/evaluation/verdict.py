@@ -333,7 +333,7 @@ def outcome_of(
     Args:
         value: Of the metric.
         limit: What it must keep.
-        expanded: Expanded uncertainty of the value, k = 2; None counts as 0.
+        expanded: Expanded uncertainty of the value, for 95 %; None counts as 0.
     """
     if value is None or not np.isfinite(value):
         return Outcome.NOT_MEASURED

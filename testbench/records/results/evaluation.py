@@ -252,8 +252,8 @@ class ChainRow:
         uncertainty_deg: RMS of the standard uncertainty stated.
         normalised_error: RMS of error over uncertainty, 1 where it is honest.
         covered_percent: Errors within 1.96 of it.
-        expanded_uncertainty_deg: Of the truth (k = 2), for the signed mean; None where not known.
-        expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for magnitudes; None where not
+        expanded_uncertainty_deg: Of the truth (95 %), for the signed mean; None where not known.
+        expanded_uncertainty_magnitude_deg: Of the truth (95 %), for magnitudes; None where not
             known.
     """
 
@@ -295,7 +295,7 @@ class Metric:
         filter: That it belongs to, or None.
         sequence: Label of the joint's definition that it belongs to, or None.
         section: That it belongs to, or None.
-        expanded_uncertainty: Of the truth it was held against (k = 2), in the metric's unit; None
+        expanded_uncertainty: Of the truth it was held against (95 %), in the metric's unit; None
             where it is not known.
         ci95: 95 % confidence interval for this session repeated on the same part, mounted and
             switched on as it was, or None.

@@ -82,8 +82,8 @@ class JointSummary:
         section: Name of the section.
         motion: "static", "dynamic" or, of both, "all".
         errors: What they come to.
-        expanded_uncertainty_deg: Of the truth (k = 2), for the signed mean.
-        expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for magnitudes and RMS.
+        expanded_uncertainty_deg: Of the truth (95 %), for the signed mean.
+        expanded_uncertainty_magnitude_deg: Of the truth (95 %), for magnitudes and RMS.
     """
 
     joint: str

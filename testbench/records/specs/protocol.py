@@ -362,6 +362,11 @@ class Environment(StrictModel):
         description="Draw an error of each simulated joint's zero by the robot file's uncertainty; "
         "encoders do not see it.",
     )
+    link_errors: bool = Field(
+        default=False,
+        description="Draw errors of the simulated arm's twists, lengths and offsets by the robot "
+        "file's uncertainty; the kinematics that the truth is computed with do not know them.",
+    )
 
 
 class BodyJoint(JointDefinition):

@@ -44,7 +44,7 @@ def verdict_section(evaluation: Evaluation | None, walked: bool = False) -> Sect
                 "Metrics with limits",
                 judged,
                 "How to read: pass keeps the limit even if the truth is off by U (its expanded "
-                "uncertainty, k = 2); fail breaks it even then; marginal lies between, or keeps it "
+                "uncertainty, 95 %); fail breaks it even then; marginal lies between, or keeps it "
                 "with less to spare than the protocol wants, or keeps it while U cannot be stated, "
                 "and then its meaning says why; not measured could not be taken. The worst of them "
                 "is the verdict on the sensors. It says nothing about the bench. The 95 % "
