@@ -27,7 +27,7 @@ Judged = list[tuple[PlannedStep, np.ndarray]]
 
 
 def summarise_joint(
-    errors: JointErrors, rows: list[JointRow], budgets: list[UncertaintyBudget], clock_sd: float
+    errors: JointErrors, rows: list[JointRow], budgets: list[UncertaintyBudget], time_sd: float
 ) -> tuple[list[JointSummary], list[RankRow], list[Comparison]]:
     """Summaries of every section, filter and sequence, and the ranking of the filters.
 
@@ -38,7 +38,7 @@ def summarise_joint(
         errors: Of the joint.
         rows: Its rows by step.
         budgets: Of the truth, by section.
-        clock_sd: Standard uncertainty of the proximal sensor's time [s].
+        time_sd: Standard uncertainty of the flexion's time [s].
     """
     summaries: list[JointSummary] = []
     ranks: list[RankRow] = []
@@ -49,7 +49,7 @@ def summarise_joint(
             None,
         )
         own = [row for row in rows if row.section == section]
-        summaries += _section_summaries(errors, section, own, budget, clock_sd)
+        summaries += _section_summaries(errors, section, own, budget, time_sd)
         ranked, compared = _section_ranking(errors, section, steps)
         ranks += ranked
         comparisons += compared
@@ -61,7 +61,7 @@ def _section_summaries(
     section: str,
     rows: list[JointRow],
     budget: UncertaintyBudget | None,
-    clock_sd: float,
+    time_sd: float,
 ) -> list[JointSummary]:
     """Of every filter and sequence, over all steps of a section, at rest and in motion."""
     expanded = (
@@ -75,7 +75,7 @@ def _section_summaries(
         when = _layout(errors, judged)
         for key in errors.error:
             of_motion = [row for row in rows_of[key] if motion in ("all", _motion(row.kind))]
-            found = _summary(errors, key, judged, of_motion, motion, when, clock_sd)
+            found = _summary(errors, key, judged, of_motion, motion, when, time_sd)
             if motion != "dynamic":
                 found = _with_settling(found, [row for row in of_motion if row.kind != "sweep"])
             result.append(JointSummary(errors.name, *key, section, motion, found, *expanded))
@@ -136,7 +136,7 @@ def _summary(
     by_step: list[JointRow],
     motion: str,
     when: Layout | None,
-    clock_sd: float,
+    time_sd: float,
 ) -> ErrorSummary:
     """Of a section by one filter and sequence.
 
@@ -147,7 +147,7 @@ def _summary(
         by_step: What was found in each of them.
         motion: "static", "dynamic" or "all".
         when: Layout of these steps.
-        clock_sd: Standard uncertainty of the proximal sensor's time [s].
+        time_sd: Standard uncertainty of the flexion's time [s].
     """
     every = np.concatenate([rows for _, rows in judged])
     together = summarise(np.degrees(errors.error[key][every]))
@@ -174,7 +174,7 @@ def _summary(
             result = replace(
                 result,
                 latency_ms=1e3 * delay[0],
-                latency_sd_ms=1e3 * float(np.hypot(delay[1], clock_sd)),
+                latency_sd_ms=1e3 * float(np.hypot(delay[1], time_sd)),
             )
     return result
 

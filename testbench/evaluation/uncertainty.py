@@ -15,7 +15,6 @@ from scipy.special import ndtri, stdtrit
 
 from testbench.evaluation.judged import window_rows
 from testbench.model.links import Twist
-from testbench.records.results.estimate import ClockFit
 from testbench.records.results.uncertainty import (
     LEVEL,
     UncertaintyBudget,
@@ -28,16 +27,12 @@ from testbench.records.specs.robot import Robot
 LEAST_SENSITIVITY = 1e-6
 """Joints that move the truth less than this are left out of the table."""
 OF_THE_ROBOT_FILE = "robot file (uncertainty), which says why"
-STILL_DEG = 0.1
-"""Where a sensor makes the truth move by less than this while it is judged, an unknown time does no
-more harm [deg]; the noise of an arm that stands still is a tenth of it.
-"""
 _DIVISORS = {"normal": 1.0, "rectangular": float(np.sqrt(3.0))}
 """From half-width or standard deviation to standard uncertainty (JCGM 100:2008, 4.3.7)."""
 
 
 @dataclass(frozen=True)
-class _Stated:
+class Stated:
     """An uncertainty as its source states it.
 
     Attributes:
@@ -84,21 +79,6 @@ class _Stated:
             self.why,
             self.rests_on,
         )
-
-
-@dataclass(frozen=True)
-class JudgedMotion:
-    """How a true angle moves where it is judged.
-
-    Attributes:
-        mean_rate: Mean of the signed rate [deg/s].
-        rms_rate: Root mean square of the rate [deg/s].
-        swing: Largest less smallest angle within one step, of the step where that is most [deg].
-    """
-
-    mean_rate: float
-    rms_rate: float
-    swing: float
 
 
 @dataclass(frozen=True)
@@ -167,7 +147,7 @@ def arm_sources(
     result = _lasting_sources(robot, twists, c)
     mean, size = c.redrawn()
     result.append(
-        _Stated(
+        Stated(
             "repeatability of the arm",
             "B",
             servo.repeatability_deg,
@@ -177,7 +157,7 @@ def arm_sources(
         ).source(mean, size)
     )
     result.append(
-        _Stated(
+        Stated(
             "resolution of the encoders",
             "B",
             servo.encoder_resolution_deg / 2,
@@ -189,7 +169,7 @@ def arm_sources(
     scatter = _scatter(arm, steps)
     if scatter is not None:
         result.append(
-            _Stated(
+            Stated(
                 "static averaging of the readings",
                 "A",
                 scatter[0],
@@ -199,7 +179,7 @@ def arm_sources(
             ).source(mean, size)
         )
     result.append(
-        _Stated(
+        Stated(
             "tracking of the controller",
             "A",
             _tracking(arm, steps),
@@ -233,7 +213,7 @@ def _lasting_sources(
         for twist in twists
     ]
     result = [
-        _Stated(
+        Stated(
             name,
             "B",
             value,
@@ -247,7 +227,7 @@ def _lasting_sources(
     ]
     for name, value in (("lengths a", spec.link_length_mm), ("offsets d", spec.link_offset_mm)):
         result.append(
-            _Stated(
+            Stated(
                 f"{name} of the links",
                 "B",
                 value,
@@ -320,46 +300,6 @@ def _mean_squares(a: np.ndarray, b: np.ndarray, first: np.ndarray, last: np.ndar
     return result
 
 
-def clock_source(sensor: str, clock: ClockFit, motion: JudgedMotion) -> UncertaintySource | None:
-    """What a sensor's time contributes to the uncertainty of the truth.
-
-    It is the time's uncertainty times the rate at which the sensor's own motion moves the true
-    angle. A time that could not be fitted shifts an angle by no more than that angle changes while
-    it is judged.
-
-    Args:
-        sensor: Its name.
-        clock: The fit.
-        motion: Of that part of the true angle which the sensor makes.
-
-    Returns:
-        None where the time is unknown and the sensor moves the truth.
-    """
-    name = f"clock alignment, {sensor}"
-    if np.isfinite(clock.offset_sd_s):
-        return _Stated(
-            name,
-            "A",
-            1e3 * clock.offset_sd_s,
-            "ms",
-            "the clock's fit; the sensitivity is the true angular rate that this sensor makes "
-            "while it is judged",
-        ).source(abs(motion.mean_rate) * 1e-3, motion.rms_rate * 1e-3)
-    if clock.method == "none":
-        rates = motion.mean_rate * 1e-3, motion.rms_rate * 1e-3
-        return _Stated(name, "B", 0.0, "ms", "taken to be on the host's clock").source(*rates)
-    if not motion.swing <= STILL_DEG:
-        return None
-    return _Stated(
-        name,
-        "A",
-        motion.swing / 2,
-        "deg",
-        "not known, but the sensor stands still while it is judged: half of what it moves by",
-        distribution="rectangular",
-    ).source(1.0, 1.0)
-
-
 def mounting_source(robot: Robot, aligned: str, mean: float, size: float) -> UncertaintySource:
     """What the mounting contributes where no alignment takes it out."""
     spec = robot.spec.uncertainty
@@ -370,7 +310,7 @@ def mounting_source(robot: Robot, aligned: str, mean: float, size: float) -> Unc
             f"the alignment ({aligned}) takes it out; what that leaves is the line 'frame "
             "alignment'"
         )
-    return _Stated(
+    return Stated(
         "mounting of the sensors",
         "B",
         spec.mounting_deg,
@@ -394,13 +334,13 @@ def alignment_source(
     if aligned == "none":
         return None
     if fitted_sd is not None:
-        return _Stated(
+        return Stated(
             "frame alignment", "A", fitted_sd, "deg", "stated by the fit of the frames"
         ).source(1.0, 1.0)
     if robot is None or c is None or c.reference is None:
         return None
     size = float(np.sqrt(np.sum(c.reference[: c.joints] ** 2)))
-    return _Stated(
+    return Stated(
         "frame alignment",
         "B",
         robot.spec.servo.repeatability_deg,
@@ -412,7 +352,7 @@ def alignment_source(
 def levelling_source(robot: Robot, size: float) -> UncertaintySource:
     """What the tilt of the arm's base contributes to an orientation against the vertical."""
     spec = robot.spec.uncertainty
-    return _Stated(
+    return Stated(
         "levelling of the base",
         "B",
         spec.levelling_deg,
@@ -428,6 +368,7 @@ def combine(
     section: str | None,
     sources: Sequence[UncertaintySource | None],
     missing: Sequence[str],
+    assumed: Sequence[str] = (),
 ) -> UncertaintyBudget:
     """The budget of independent sources (JCGM 100:2008, eq. 10).
 
@@ -437,6 +378,7 @@ def combine(
         section: Of the protocol; None for all of them.
         sources: None are passed over.
         missing: What is not known; with any of it nothing is combined.
+        assumed: What was taken where nobody said.
     """
     lines = [source for source in sources if source is not None]
     if missing:
@@ -452,7 +394,7 @@ def combine(
             None,
             None,
             None,
-            list(missing),
+            [*missing, *assumed],
         )
     signed = [source.contribution_deg for source in lines]
     sizes = [source.magnitude_deg for source in lines]
@@ -472,6 +414,7 @@ def combine(
         k,
         k * combined,
         of_size * size,
+        list(assumed),
         coverage_factor_magnitude=of_size,
     )
 

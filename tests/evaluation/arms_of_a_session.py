@@ -28,20 +28,19 @@ class Law:
         scale: By what they are really greater.
         reliable: Whether the stated numbers are exact, not off as their degrees of freedom say.
         shape: "normal" or "rectangular".
+        edge: Whether delays that nobody states are off by as much as is thought possible.
     """
 
     scale: float = 1.0
     reliable: bool = True
     shape: str = "normal"
-
-    @property
-    def as_stated(self) -> bool:
-        return self.scale == 1 and self.shape == "normal"
+    edge: bool = False
 
 
 LAWS = {
     "as stated": Law(),
     "as stated, to 25 %": Law(reliable=False),
+    "delays at the edge": Law(edge=True),
     "rectangular": Law(shape="rectangular"),
     "narrower by 25 %": Law(scale=0.75),
     "wider by 25 %": Law(scale=1.25),
@@ -58,6 +57,7 @@ class Drawn:
     percent: float
     percent_of_magnitudes: float
     expanded: float
+    expanded_of_magnitudes: float
     k: float
 
 
@@ -121,6 +121,10 @@ def _held(
     late = np.column_stack(
         [_late(budget, sensor, count, rng) for sensor in (joint.proximal, joint.distal)]
     )
+    if law.edge:
+        late = np.column_stack(
+            [_edge(budget, sensor, count) for sensor in (joint.proximal, joint.distal)]
+        )
     by_step = []
     for step in steps:
         moved = np.radians(servo.repeatability_deg) * rng.standard_normal((count, 6))
@@ -135,6 +139,7 @@ def _held(
         100 * float(np.mean(np.abs(mean) <= budget.expanded_deg)),
         100 * float(np.mean(size <= budget.expanded_magnitude_deg)),
         budget.expanded_deg,
+        budget.expanded_magnitude_deg,
         float(budget.coverage_factor or np.nan),
     )
 
@@ -151,3 +156,9 @@ def _late(
             else:
                 late += 1e-3 * line.value * rng.standard_normal(count)
     return late
+
+
+def _edge(budget: UncertaintyBudget, sensor: str, count: int) -> np.ndarray:
+    """The largest delay of a sensor that its line allows [s], shape (count,)."""
+    lines = [s for s in budget.sources if s.source.endswith(f", {sensor}") and s.unit == "ms"]
+    return np.full(count, sum(1e-3 * s.value for s in lines if s.distribution == "rectangular"))

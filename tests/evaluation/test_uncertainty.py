@@ -13,13 +13,19 @@ from scipy.spatial.transform import Rotation
 from testbench.evaluation import evaluate
 from testbench.evaluation.budgets import UNKNOWN_TRUTH, unknown_time
 from testbench.evaluation.sensitivity import flexion_by_arm
+from testbench.evaluation.time_lines import (
+    JudgedMotion,
+    TimeDoubt,
+    arm_time_source,
+    clock_source,
+)
 from testbench.evaluation.turning import judged_motion, turned_by_sensor
-from testbench.evaluation.uncertainty import ArmSensitivity, JudgedMotion, clock_source, combine
+from testbench.evaluation.uncertainty import ArmSensitivity, combine
 from testbench.model.kinematics import Kinematics
 from testbench.planning import plan
 from testbench.records.results.estimate import ClockFit, Estimate
 from testbench.records.results.evaluation import Outcome
-from testbench.records.session.session import Session
+from testbench.records.session.session import Event, Session
 from testbench.records.specs.protocol import AcceptanceLimit, JointDefinition
 from testbench.records.specs.robot import Robot
 
@@ -310,3 +316,61 @@ def test_a_truth_that_did_not_come_from_the_arm_has_no_stated_uncertainty(quick,
     evaluation = evaluate(session, quick.estimate)
     assert all(not b.complete and UNKNOWN_TRUTH in b.notes for b in evaluation.uncertainty)
     assert all(m.expanded_uncertainty is None for m in evaluation.metrics)
+
+
+def without_delays(session: Session) -> Session:
+    """The session as if nobody had said how late its gyroscopes are."""
+    copy = Session(session.path)
+    manifest = session.manifest
+    sensors = {
+        name: own.model_copy(update={"rate_delay_s": None})
+        for name, own in manifest.sensors.items()
+    }
+    copy.__dict__["manifest"] = manifest.model_copy(update={"sensors": sensors})
+    return copy
+
+
+def test_a_delay_of_the_gyroscope_that_nobody_states_is_a_line_and_a_note(quick):
+    known = of(quick.evaluation, "elbow", "flexion", "sweep")
+    assert line(known, "group delay of the gyroscope, forearm").value == 0 and not known.notes
+    session = without_delays(quick.session)
+    evaluation = evaluate(session, quick.estimate)
+    budget = of(evaluation, "elbow", "flexion", "sweep")
+    delay, clock = (
+        line(budget, f"{name}, forearm")
+        for name in ("group delay of the gyroscope", "clock alignment")
+    )
+    assert delay.value == pytest.approx(500 / 60, rel=1e-3)  # ms, half an interval of a DOT
+    assert delay.standard_uncertainty == pytest.approx(delay.value / np.sqrt(3))
+    assert delay.magnitude_deg / delay.standard_uncertainty == pytest.approx(
+        clock.magnitude_deg / clock.standard_uncertainty
+    )
+    assert len(budget.notes) == 2 and "8.33 ms" in budget.notes[0]
+    assert budget.complete and budget.expanded_magnitude_deg > 1.5 * known.expanded_magnitude_deg
+    codes = [(found.code, found.where) for found in evaluation.findings]
+    assert {("judged.delay_unstated", name) for name in ("arm", "forearm")} <= set(codes)
+    assert "judged.delay_unstated" not in [found.code for found in quick.evaluation.findings]
+    late, before = (
+        next(
+            s.errors.latency_sd_ms
+            for s in own.joint_summary
+            if s.errors.latency_sd_ms is not None and s.filter == "vqf_6d"
+        )
+        for own in (evaluation, quick.evaluation)
+    )
+    assert late == pytest.approx(np.hypot(before, delay.standard_uncertainty), rel=0.05)
+
+
+def test_an_arm_whose_time_was_doubtful_says_so_in_the_budget(quick):
+    session = Session(quick.session.path)
+    record = session.manifest.arm.record
+    arm = session.manifest.arm.model_copy(update={"driver": "ur"})
+    session.__dict__["manifest"] = session.manifest.model_copy(update={"arm": arm})
+    assert record.simulated and not session.manifest.arm.record.simulated
+    told = [("arm_time_step", {"by_s": -0.02}), ("arm_time_doubtful", {"lead_s": 0.006})]
+    session.__dict__["events"] = [Event(0, name, details) for name, details in told]
+    doubt = TimeDoubt.of(session, quick.estimate)
+    assert doubt.arm_s == 0.02
+    source = arm_time_source(doubt, JudgedMotion(10.0, -30.0, 5.0))
+    assert source.contribution_deg == pytest.approx(10 * 0.02 / np.sqrt(3))
+    assert TimeDoubt.of(quick.session, quick.estimate).arm_s == 0

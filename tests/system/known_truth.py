@@ -205,14 +205,22 @@ def actual_flexion(
     return definition.sign * joint_angles(segments[0], segments[1], definition.sequence)[:, 1]
 
 
-def of_one_session(folder: str | Path, seed: int = 0) -> tuple[Session, Evaluation]:
+def of_one_session(folder: str | Path, stated: bool = True) -> tuple[Session, Evaluation]:
     """One session of the protocol, and its evaluation.
 
     Args:
         folder: To write it into.
-        seed: Of the run.
+        stated: Whether the manifest states the delays of the gyroscopes.
     """
     file = Path(folder) / "known_truth.yaml"
     file.write_text(PROTOCOL, encoding="utf-8")
-    session = execute(plan(file), folder, seed, RunOptions(session_name=f"seed_{seed}"))
+    session = execute(plan(file), folder, 0, RunOptions(session_name=f"stated_{stated}"))
+    if not stated:
+        sensors = {
+            name: own.model_copy(update={"rate_delay_s": None, "sampling": None})
+            for name, own in session.manifest.sensors.items()
+        }
+        session = Session(session.path)
+        unstated = session.manifest.model_copy(update={"sensors": sensors})
+        session.__dict__["manifest"] = unstated
     return session, evaluate(session, estimate(session))
