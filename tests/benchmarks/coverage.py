@@ -79,8 +79,8 @@ def _bench_arms(count: int) -> bool:
             "k",
         ],
         rows,
-        f"target: {LOW} to {HIGH} % within, of what is drawn as stated; {LOW} at least, by what the "
-        "count can tell, of numbers that are known to 25 % and of delays at the edge",
+        f"target: {LOW} to {HIGH} % within, of what is drawn as stated; {LOW} at least, by what "
+        "the count can tell, of numbers that are known to 25 % and of delays at the edge",
     )
     slack = _slack(count)
     return all(
