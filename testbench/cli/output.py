@@ -279,10 +279,17 @@ def say_evaluation(
 
 
 def _say_verdict(evaluation: Evaluation) -> None:
-    """Metrics with limits, and whether they keep them."""
+    """Metrics with limits, and whether they keep them; what equal sessions say, where some are
+    named.
+    """
+    more = (
+        ["sd of sessions", "otherwise [%]"]
+        if any(metric.sessions for metric in evaluation.metrics)
+        else []
+    )
     say_table(
         "Verdict",
-        ["metric", "filter", "section", "value", "U", "lower", "upper", "outcome"],
+        ["metric", "filter", "section", "value", "U", "lower", "upper", "outcome", *more],
         [
             [
                 m.name,
@@ -293,6 +300,7 @@ def _say_verdict(evaluation: Evaluation) -> None:
                 m.lower,
                 m.upper,
                 m.outcome.words,
+                *((m.session_sd, m.otherwise_percent) if more else ()),
             ]
             for m in evaluation.metrics
             if m.outcome is not None

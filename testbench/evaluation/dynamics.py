@@ -333,6 +333,23 @@ def convergence_times(
     return np.asarray(_settled_after(time_ns, error, first, last, begins, float(CONVERGENCE_BAND)))
 
 
+def settling_sd(times: Sequence[float], interval_s: float, time_sd: float) -> float:
+    """Standard uncertainty of the median of settling times [s].
+
+    It is their own scatter (of a median of normal values, 1.25 of that of their mean), the interval
+    between samples within which an error enters its band (rectangular), and the clock's.
+
+    Args:
+        times: In which the error settled, at least one [s].
+        interval_s: Between samples [s].
+        time_sd: Standard uncertainty of the sensor's time [s].
+    """
+    count = len(times)
+    of_median = np.sqrt(np.pi / 2) if count > 2 else 1.0
+    scatter = of_median * np.std(times, ddof=1) / np.sqrt(count) if count > 1 else 0.0
+    return float(np.sqrt(scatter**2 + interval_s**2 / 12 + time_sd**2))
+
+
 @njit(cache=True)
 def _noise(signal: np.ndarray) -> float:
     """Standard deviation about a straight line, so that a drift is not taken for noise."""

@@ -37,6 +37,7 @@ from testbench.evaluation.orientation import (
     sweep_rows,
 )
 from testbench.evaluation.outliers import outlier_rows
+from testbench.evaluation.repeatability import EqualSessions
 from testbench.evaluation.time_lines import TimeDoubt
 from testbench.evaluation.unjudged import (
     FoundCycle,
@@ -117,7 +118,9 @@ def evaluate(
     tables = ResultTables.joined([*parts, chain, cycle_tables(cycles + found)])
     if not (tables.orientation or tables.joint_angle or tables.chain):
         tables = replace(tables, findings=_nothing_judged(session, whole, tables.findings))
-    metrics, outcome = judge(session.analysis, summarise_metrics(tables) + norms)
+    named = {limit.repeatability for limit in session.analysis.accept if limit.repeatability}
+    equal = {folder: EqualSessions.beside(session, folder) for folder in sorted(named)}
+    metrics, outcome = judge(session.analysis, summarise_metrics(tables) + norms, equal)
     tables = replace(tables, findings=tables.findings + _unjudged(metrics))
     if (
         session.status is not RunStatus.COMPLETED

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.evaluation.confidence import with_intervals
-from testbench.evaluation.dynamics import angle_delay
+from testbench.evaluation.dynamics import angle_delay, settling_sd
 from testbench.evaluation.flexion import JointErrors, Key
 from testbench.evaluation.metrics import correlation, summarise
 from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE, rank_filters
@@ -77,7 +77,9 @@ def _section_summaries(
             of_motion = [row for row in rows_of[key] if motion in ("all", _motion(row.kind))]
             found = _summary(errors, key, judged, of_motion, motion, when, time_sd)
             if motion != "dynamic":
-                found = _with_settling(found, [row for row in of_motion if row.kind != "sweep"])
+                poses = [row for row in of_motion if row.kind != "sweep"]
+                interval = float(np.median(np.diff(errors.time_ns))) / NANOSECONDS
+                found = _with_settling(found, poses, interval, time_sd)
             result.append(JointSummary(errors.name, *key, section, motion, found, *expanded))
     return result
 
@@ -179,7 +181,9 @@ def _summary(
     return result
 
 
-def _with_settling(summary: ErrorSummary, rows: list[JointRow]) -> ErrorSummary:
+def _with_settling(
+    summary: ErrorSummary, rows: list[JointRow], interval_s: float, time_sd: float
+) -> ErrorSummary:
     times = [row.convergence_s for row in rows if row.convergence_s is not None]
     unsettled = len(rows) - len(times)
     if not times:
@@ -188,5 +192,6 @@ def _with_settling(summary: ErrorSummary, rows: list[JointRow]) -> ErrorSummary:
         summary,
         convergence_s=float(np.median(times)),
         convergence_max_s=float(np.max(times)),
+        convergence_sd_s=settling_sd(times, interval_s, time_sd),
         unsettled=unsettled,
     )

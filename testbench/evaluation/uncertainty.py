@@ -394,7 +394,8 @@ def combine(
             None,
             None,
             None,
-            [*missing, *assumed],
+            list(missing),
+            assumed=list(assumed),
         )
     signed = [source.contribution_deg for source in lines]
     sizes = [source.magnitude_deg for source in lines]
@@ -414,7 +415,7 @@ def combine(
         k,
         k * combined,
         of_size * size,
-        list(assumed),
+        assumed=list(assumed),
         coverage_factor_magnitude=of_size,
     )
 

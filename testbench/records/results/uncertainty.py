@@ -71,8 +71,9 @@ class UncertaintyBudget:
         coverage_factor: k of the signed mean, for 95 %.
         expanded_deg: k times the combined uncertainty of the signed mean.
         expanded_magnitude_deg: k times the combined uncertainty of magnitudes.
-        notes: What is missing, and what was assumed.
+        notes: What is missing.
         coverage_factor_magnitude: k of magnitudes, for 95 %; None where nothing is stated.
+        assumed: What was taken where nobody said.
     """
 
     owner: str
@@ -88,3 +89,4 @@ class UncertaintyBudget:
     expanded_magnitude_deg: float | None
     notes: list[str] = field(default_factory=list)
     coverage_factor_magnitude: float | None = None
+    assumed: list[str] = field(default_factory=list)

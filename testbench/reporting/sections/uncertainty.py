@@ -56,7 +56,7 @@ def _overview(budgets: list[UncertaintyBudget]) -> Table:
     for b in budgets:
         largest = max(b.sources, key=lambda source: source.magnitude_deg, default=None)
         told = [largest.source] if b.complete and largest is not None else []
-        said = "; ".join([*told, *b.notes]) or None
+        said = "; ".join([*told, *b.notes, *b.assumed]) or None
         rows.append(
             Row(
                 [

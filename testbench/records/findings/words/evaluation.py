@@ -15,8 +15,8 @@ TEMPLATES = {
     "judged.unmeasured": Template(WARNING, "{metric} by {filter} has a limit but was not measured"),
     "judged.no_uncertainty": Template(
         WARNING,
-        "{metric} by {filter}{section} is marginal and cannot pass, for the uncertainty of the "
-        "truth is not known: {why}",
+        "{metric} by {filter}{section} is marginal and cannot pass, for its uncertainty is not "
+        "known: {why}",
     ),
     "judged.delay_unstated": Template(
         NOTE,
