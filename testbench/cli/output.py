@@ -280,10 +280,17 @@ def say_evaluation(
 
 
 def _say_verdict(evaluation: Evaluation) -> None:
-    """Metrics with limits, and whether they keep them."""
+    """Metrics with limits, and whether they keep them; what equal sessions say, where some are
+    named.
+    """
+    more = (
+        ["sd of sessions", "otherwise [%]"]
+        if any(metric.sessions for metric in evaluation.metrics)
+        else []
+    )
     say_table(
         "Verdict",
-        ["metric", "filter", "section", "value", "U", "lower", "upper", "outcome"],
+        ["metric", "filter", "section", "value", "U", "lower", "upper", "outcome", *more],
         [
             [
                 m.name,
@@ -294,6 +301,7 @@ def _say_verdict(evaluation: Evaluation) -> None:
                 m.lower,
                 m.upper,
                 m.outcome.words,
+                *((m.session_sd, m.otherwise_percent) if more else ()),
             ]
             for m in evaluation.metrics
             if m.outcome is not None
@@ -349,7 +357,7 @@ def _say_flexion(evaluation: Evaluation) -> None:
     }
     groups = _groups(evaluation, keys)
     say_table(
-        "Flexion error [deg]; U: of the truth (k = 2); filters that share a letter were not "
+        "Flexion error [deg]; U: of the truth (95 %); filters that share a letter were not "
         "shown to differ",
         [
             "joint",
@@ -397,7 +405,7 @@ def _say_angles(evaluation: Evaluation) -> None:
 def _say_chain(evaluation: Evaluation) -> None:
     """Errors of the joints of the chain."""
     say_table(
-        "Joints of the chain, error [deg]; U: of the truth (k = 2); covered: errors within "
+        "Joints of the chain, error [deg]; U: of the truth (95 %); covered: errors within "
         "1.96 of the stated uncertainty",
         [
             "section",

@@ -254,8 +254,8 @@ class ChainRow:
         uncertainty_deg: RMS of the standard uncertainty stated.
         normalised_error: RMS of error over uncertainty, 1 where it is honest.
         covered_percent: Errors within 1.96 of it.
-        expanded_uncertainty_deg: Of the truth (k = 2), for the signed mean; None where not known.
-        expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for magnitudes; None where not
+        expanded_uncertainty_deg: Of the truth (95 %), for the signed mean; None where not known.
+        expanded_uncertainty_magnitude_deg: Of the truth (95 %), for magnitudes; None where not
             known.
     """
 
@@ -297,14 +297,18 @@ class Metric:
         filter: That it belongs to, or None.
         sequence: Label of the joint's definition that it belongs to, or None.
         section: That it belongs to, or None.
-        expanded_uncertainty: Of the truth it was held against (k = 2), in the metric's unit; None
-            where it is not known.
+        expanded_uncertainty: Of the truth it was held against, or of the delay or time itself
+            (95 %), in the metric's unit; None where it is not known.
         ci95: 95 % confidence interval for this session repeated on the same part, mounted and
             switched on as it was, or None.
         no_uncertainty: What its budget lacks, in words, so that no uncertainty is stated and it
             cannot pass; None where the uncertainty is stated, or a metric of this kind has none.
         no_interval: Why there is no confidence interval, in words; None where there is one, or a
             metric of this kind has none.
+        sessions: How many equal sessions its limit names; 0 where it names none.
+        session_sd: Standard deviation between those, in the metric's unit; None for too few.
+        otherwise_percent: How often an equal session would come out otherwise [%]; None where that
+            is not known.
     """
 
     name: str
@@ -321,6 +325,9 @@ class Metric:
     ci95: Interval = None
     no_uncertainty: str | None = None
     no_interval: str | None = None
+    sessions: int = 0
+    session_sd: float | None = None
+    otherwise_percent: float | None = None
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ class ErrorSummary:
         convergence_s: Time from the end of a move until the error stays near its settled value:
             median over the poses; None where none settled.
         convergence_max_s: The longest of these times; None where no pose settled.
+        convergence_sd_s: Standard uncertainty of their median; None where none settled.
         unsettled: Poses in which the error did not settle.
     """
 
@@ -68,6 +69,7 @@ class ErrorSummary:
     latency_sd_ms: float | None = None
     convergence_s: float | None = None
     convergence_max_s: float | None = None
+    convergence_sd_s: float | None = None
     unsettled: int = 0
 
 
@@ -82,8 +84,8 @@ class JointSummary:
         section: Name of the section.
         motion: "static", "dynamic" or, of both, "all".
         errors: What they come to.
-        expanded_uncertainty_deg: Of the truth (k = 2), for the signed mean.
-        expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for magnitudes and RMS.
+        expanded_uncertainty_deg: Of the truth (95 %), for the signed mean.
+        expanded_uncertainty_magnitude_deg: Of the truth (95 %), for magnitudes and RMS.
     """
 
     joint: str

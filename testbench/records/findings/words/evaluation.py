@@ -24,8 +24,15 @@ TEMPLATES = {
     "judged.unmeasured": Template(WARNING, "{metric} by {filter} has a limit but was not measured"),
     "judged.no_uncertainty": Template(
         WARNING,
-        "{metric} by {filter}{section} is marginal and cannot pass, for the uncertainty of the "
-        "truth is not known: {why}",
+        "{metric} by {filter}{section} is marginal and cannot pass, for its uncertainty is not "
+        "known: {why}",
+    ),
+    "judged.delay_unstated": Template(
+        NOTE,
+        "nobody states how much older than its stamp a rate is; half an interval is taken",
+        "its clock, fitted to the rates, may be off by {half_ms:.3g} ms; every U and the "
+        "uncertainty of every delay hold that",
+        "state the delay with its low pass: `gyr_delay_ms` of a sensor in a mapping",
     ),
     "judged.filter_left_out": Template(NOTE, "{filter} was left out: {why}"),
     "judged.samples_left_out": Template(WARNING, "{count} samples left out: {reason}"),
