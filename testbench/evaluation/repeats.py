@@ -20,6 +20,7 @@ from testbench.evaluation.ranking import (
     Difference,
     ranked,
 )
+from testbench.evaluation.repeatability import key_of
 from testbench.evaluation.verdict import has_sign
 from testbench.records.results.evaluation import Evaluation, Metric
 from testbench.records.results.evaluation_rows import (
@@ -35,8 +36,6 @@ RANKED = {"flexion_mean_abs_error_deg": MEAN_MAGNITUDE, "total_rmse_deg": MEAN_S
 FEWEST = 2
 """Sessions that have a scatter."""
 
-Key = tuple[str, str | None, str | None, str | None]
-
 
 def with_repeats(
     evaluation: Evaluation, others: Sequence[Evaluation], sessions: list[RepeatedSession]
@@ -48,10 +47,10 @@ def with_repeats(
         others: Of the further sessions, one at least.
         sessions: All of them, this one first.
     """
-    every = [{_key(m): _known(m.value) for m in one.metrics} for one in (evaluation, *others)]
+    every = [{key_of(m): _known(m.value) for m in one.metrics} for one in (evaluation, *others)]
     rows = []
     for metric in evaluation.metrics:
-        values = [one.get(_key(metric)) for one in every]
+        values = [one.get(key_of(metric)) for one in every]
         if values[0] is not None and len(values) - values.count(None) >= FEWEST:
             rows.append(_row(metric, values))
     ranking, comparisons = _ranking([evaluation, *others])
@@ -64,10 +63,6 @@ def with_repeats(
     )
 
 
-def _key(metric: Metric) -> Key:
-    return metric.name, metric.filter, metric.sequence, metric.section
-
-
 def _known(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
 
@@ -76,7 +71,7 @@ def _row(metric: Metric, values: list[float | None]) -> RepeatedMetric:
     known = np.array([value for value in values if value is not None])
     mean, sd = float(known.mean()), float(known.std(ddof=1))
     ends = intervals(known, logarithmic=not has_sign(metric.name.partition(".")[2]))
-    return RepeatedMetric(*_key(metric), metric.unit, values, mean, sd, *ends)
+    return RepeatedMetric(*key_of(metric), metric.unit, values, mean, sd, *ends)
 
 
 def intervals(values: np.ndarray, logarithmic: bool) -> tuple[Interval, Interval]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from testbench.evaluation import evaluate
+from testbench.evaluation.repeatability import content_of, why_unequal
 from testbench.evaluation.repeats import with_repeats
 from testbench.exceptions import InputError
 from testbench.pipeline.kept_estimate import is_as_asked, stored_estimate
@@ -13,12 +14,7 @@ from testbench.records.findings.catalogue import finding
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.evaluation_rows import RepeatedSession
-from testbench.records.session.session import (
-    RunStatus,
-    Session,
-    damaged_sessions,
-    list_sessions,
-)
+from testbench.records.session.session import Session, damaged_sessions, list_sessions
 
 
 def judged_with_repeats(
@@ -46,18 +42,18 @@ def judged_with_repeats(
     left: dict[str, str] = dict.fromkeys(damaged_sessions(folder), "it is damaged")
     taken: dict[str, Evaluation] = {}
     records = [_record(session)]
-    known = {_content(session): session.name}
+    known = {content_of(session): session.name}
     for other in list_sessions(folder):
         if other.path.resolve() == session.path.resolve():
             continue
-        why = _unlike(session, other) or _twice(known, other)
+        why = why_unequal(session, other, known)
         own = None if why else _estimate(other, loaded)
         if own is not None and own.filter_parameters != estimated.filter_parameters:
             why = "its filters, or their parameters, are others; run `testbench estimate` on both"
         if why or own is None:
             left[other.name] = why or "nothing can be estimated of it"
             continue
-        known[_content(other)] = other.name
+        known[content_of(other)] = other.name
         taken[other.name] = evaluate(other, own, loaded.settings(other))
         records.append(_record(other))
     if not taken:
@@ -83,32 +79,6 @@ def _record(session: Session) -> RepeatedSession:
     if manifest.seed is not None and session.simulated:
         part = f"simulated, seed {manifest.seed}"
     return RepeatedSession(session.name, part, manifest.recorded_utc or manifest.started_utc)
-
-
-def _content(session: Session) -> frozenset[str]:
-    return frozenset(session.manifest.files.values())
-
-
-def _twice(known: dict[frozenset[str], str], other: Session) -> str:
-    """Why a copy does not count."""
-    name = known.get(_content(other))
-    return "" if name is None else f"it holds the same samples as {name}"
-
-
-def _unlike(session: Session, other: Session) -> str:
-    """What makes another session no repetition of this one; "" where nothing does."""
-    own, its = session.manifest, other.manifest
-    if other.status is not RunStatus.COMPLETED:
-        return f"its status is {other.status}"
-    if own.kind != its.kind:
-        return f"it is a session of another kind ({its.kind})"
-    if own.protocol.name != its.protocol.name:
-        return f"its protocol is {its.protocol.name}"
-    if own.plan.hash != its.plan.hash:
-        return "its plan is another one: the protocol, the robot or their parameters changed"
-    if set(own.sensors) != set(its.sensors):
-        return f"its sensors are {', '.join(sorted(its.sensors))}"
-    return ""
 
 
 def _estimate(other: Session, loaded: LoadedAnalysis) -> Estimate | None:
