@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -50,6 +51,7 @@ from testbench.cli.recording import record
 from testbench.cli.running import run
 from testbench.cli.studying import study
 from testbench.cli.tuning import tune
+from testbench.clock import utc_shown
 
 if TYPE_CHECKING:
     from testbench.records.session.session import Session
@@ -372,10 +374,18 @@ def sessions(
         _say_sessions(logs, rows, causes)
 
 
+def _shown(utc: str) -> str:
+    """A stamp of a manifest for people; as it stands where it is none."""
+    try:
+        return utc_shown(datetime.fromisoformat(utc)).removesuffix(" UTC")
+    except ValueError:
+        return utc
+
+
 def _say_sessions(logs: Path, rows: list[list[Any]], causes: dict[str, str]) -> None:
     """The sessions of a folder as a table, and of the damaged ones why."""
     columns = ["session", "kind", "status", "outcome", "duration [s]", "started (UTC)", "resumes"]
-    rows = [[*row[:5], row[5] and str(row[5])[:19].replace("T", " "), row[6]] for row in rows]
+    rows = [[*row[:5], row[5] and _shown(row[5]), row[6]] for row in rows]
     if not any(row[-1] for row in rows):
         columns, rows = columns[:-1], [row[:-1] for row in rows]
     say_table(f"Sessions in {logs}", columns, rows)

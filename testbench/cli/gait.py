@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from testbench.cli.options import CalibrationOption, JsonOption, SessionArgument
+from testbench.cli.options import (
+    CalibrationOption,
+    JsonOption,
+    SessionArgument,
+    SetOption,
+    filter_parameters,
+)
 from testbench.cli.output import say, say_findings, say_json, say_table
 
 if TYPE_CHECKING:
@@ -77,6 +83,7 @@ def gait(
     filter_name: Annotated[
         str, typer.Option("--filter", help="Whose orientation the regression takes.")
     ] = "euler_ekf",
+    parameters_set: SetOption = None,
     floor: Annotated[
         Floor,
         typer.Option("--floor", help="Whether all stands of a foot are equally high; else found."),
@@ -113,6 +120,7 @@ def gait(
         mounting=tuple(mounting or ()),
         parameters=parameters,
         filter=filter_name,
+        filter_parameters=filter_parameters(parameters_set),
         floor=chosen,
         calibrations=None if calibration is None else str(calibration),
         cycles=cycles,

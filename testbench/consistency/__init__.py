@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 
 from testbench.consistency.checks import CONTRADICTIONS, check_excerpt
-from testbench.consistency.excerpt import Thinner, thin
+from testbench.consistency.excerpt import Thinner
 from testbench.consistency.looked import UNKNOWN_UP, Up
 from testbench.exceptions import InputError
 from testbench.frames import STANDARD_GRAVITY
@@ -16,19 +16,10 @@ MOST_AT_REST = 10 * STANDARD_GRAVITY
 """|acc| at rest that no person can confirm [m/s^2]: counts, or mg, in a wrong unit."""
 
 
-def check_samples(chunks: Iterable[ImuSamples], up: Up = UNKNOWN_UP) -> list[Finding]:
-    """What the quantities of a sensor say of one another, without a truth.
-
-    Args:
-        chunks: All its samples in the order of time, in the units of a session.
-        up: What is known of the vertical beside them.
-    """
-    excerpt = thin(chunks)
-    return [] if excerpt is None else check_excerpt(excerpt, up)
-
-
 class Consistency:
-    """The same of samples that go by on their way elsewhere."""
+    """What the quantities of a sensor say of one another, without a truth, of samples that go by on
+    their way elsewhere.
+    """
 
     def __init__(self) -> None:
         self._thinner = Thinner()
@@ -48,7 +39,7 @@ class Consistency:
             yield chunk
 
     def findings(self, up: Up = UNKNOWN_UP) -> list[Finding]:
-        """What was noticed of the chunks that went by; see `check_samples`.
+        """What was noticed of the chunks that went by.
 
         Args:
             up: What is known of the vertical beside them.

@@ -19,7 +19,7 @@ from testbench.records.session.plan import PlannedStep
 from testbench.records.session.session import Session
 
 DEPARTED_RAD = float(np.radians(0.05))
-"""The arm has left a pose when a joint is so far away [rad]: beyond what encoders hiss and a
+"""The arm has left a pose when a joint is so far away [rad]: beyond the noise of encoders and a
 settled pose may be off. A motion that begins gently gets there 60 ms late; that much of a lead is
 not seen here, but by the driver, from the references.
 """

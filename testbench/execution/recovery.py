@@ -56,12 +56,10 @@ def _recovered(session: Session) -> Session:
     """Turn what was recorded into tables, and close the session."""
     path = session.path
     for journal in sorted(path.glob(JOURNALS)):
-        if (
-            journal.stat().st_size < SMALLEST_JOURNAL
-            and not journal.with_suffix(".parquet").is_file()
-        ):
+        table = path / table_file(journal.stem)
+        if journal.stat().st_size < SMALLEST_JOURNAL and not table.is_file():
             _write_empty(session, journal)  # cut off before its first row
-        compact(journal, journal.with_suffix(".parquet"))
+        compact(journal, table)
     clear_partials(path)
     session = Session(path)
     kind, planned = "recording", ""
@@ -90,7 +88,7 @@ def _add_truth(session: Session) -> None:
     if not (session.path / table_file(ARM)).is_file() or session.robot is None:
         raise SessionError(
             f"{session.path}: the arm's recording is lost; what the sensors recorded is in "
-            "imu_*.parquet"
+            f"{table_file(imu_stream('*'))}"
         )
     write_truth(session.path, session.robot, session.analysis.sensors)
 

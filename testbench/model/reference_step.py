@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbench.frames import NANOSECONDS
-from testbench.records.session.plan import PlannedStep
+from testbench.records.session.plan import PlannedStep, evaluated_steps
 
 SHORTEST_DWELL_NS = NANOSECONDS // 5
 """A shorter one gives no mean orientation."""
@@ -47,7 +47,7 @@ def before_judging(steps: Sequence[PlannedStep], time_ns: np.ndarray) -> np.ndar
     Returns:
         Shape (n,), bool.
     """
-    judged = [step.start_ns for step in steps if step.role == "evaluation"]
+    judged = [step.start_ns for step in evaluated_steps(steps)]
     return (
         time_ns < min(judged)
         if judged and min(judged) > time_ns[0]

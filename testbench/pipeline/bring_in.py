@@ -12,11 +12,12 @@ from pydantic import ValidationError
 from testbench.clock import Clock, SystemClock
 from testbench.exceptions import FileProblems, InputError
 from testbench.formats import import_recording
-from testbench.formats.guessing.written import mapping_yaml, write_new
+from testbench.formats.guessing.written import mapping_yaml
 from testbench.formats.options import Options
 from testbench.formats.truth.attach import TruthOptions
 from testbench.pipeline.body_request import body_of
 from testbench.pipeline.request import ImportRequest, TruthRequest
+from testbench.records.disk.replacing import stored_where_asked, write_text
 from testbench.records.disk.yaml_file import parse_yaml, validation_problems
 from testbench.records.session.session import Session
 from testbench.records.specs.strict import Placement
@@ -69,7 +70,8 @@ def guess_mapping(files: Iterable[str], out: str | None = None) -> Guessed:
     if found.mapping is None:
         return Guessed(found.formats, found.shipped, found.seen, None)
     path = Path(out) if out is not None else Path(default_name(paths))
-    write_new(path, mapping_yaml(found.mapping, found.seen))
+    with stored_where_asked(path):
+        write_text(path, mapping_yaml(found.mapping, found.seen), anew=True)
     return Guessed(found.formats, found.shipped, found.seen, path, tuple(found.open_options))
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from testbench.estimation.gait import PUBLISHED, GaitSettings, by_sensor, gait
 from testbench.evaluation.gait import WalkTruth, judge_walk
+from testbench.exceptions import InputError
 from testbench.pipeline.request import GaitRequest
 from testbench.records.results.calibration_file import load_calibrations
 from testbench.records.results.gait import Gait
@@ -41,6 +42,7 @@ def make_gait(session: Session, asked: GaitRequest | None = None) -> MadeGait:
         mounting=by_sensor("--mounting", asked.mounting, names),
         parameters=asked.parameters,
         filter=asked.filter,
+        filter_parameters=_of_filter(asked),
         floor=asked.floor,
     )
     truth = WalkTruth(asked.cycles, asked.distance_m, asked.corners_m)
@@ -53,6 +55,18 @@ def make_gait(session: Session, asked: GaitRequest | None = None) -> MadeGait:
     from testbench.reporting.report import report
 
     return MadeGait(result, report(session))
+
+
+def _of_filter(asked: GaitRequest) -> dict[str, dict[str, float]]:
+    """The parameters that are set, all of the filter that is used.
+
+    Raises:
+        InputError: One is of another filter.
+    """
+    for name in asked.filter_parameters:
+        if name != asked.filter:
+            raise InputError(f"--set {name}: the regression takes the filter {asked.filter}")
+    return asked.filter_parameters
 
 
 def published_parameters() -> list[str]:

@@ -247,6 +247,9 @@ class GaitRequest(Asked):
         "too, where some are named. By place if empty.",
     )
     filter: str = Field(default="euler_ekf", description="Whose orientation the regression takes.")
+    filter_parameters: dict[str, dict[str, float]] = Field(
+        default={}, description="Parameters of that filter to set, by filter and name."
+    )
     floor: Literal["found", "level", "any"] = Field(
         default="found", description="Whether all stands of a foot are equally high."
     )

@@ -34,7 +34,7 @@ def refuse_other_arm(asked: RunRequest) -> None:
     driver = SIM.name if arm.simulated else arm.driver
     if asked.arm.driver == SIM.name and not arm.simulated:
         raise InputError(
-            f"{asked.resume} was run on a real arm; say --arm {driver} and its options again"
+            f"{asked.resume} was run by --arm {driver}; say that and its options again"
         )
     if asked.arm.driver != driver:
         own = (

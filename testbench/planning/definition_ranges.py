@@ -22,7 +22,7 @@ from testbench.planning.segment_frames import (
     moments_of,
     segments_of,
 )
-from testbench.records.session.plan import PlannedStep
+from testbench.records.session.plan import PlannedStep, evaluated_steps
 from testbench.records.session.trajectory import Trajectory
 from testbench.records.specs.joint_definition import FlexionAngle
 from testbench.records.specs.protocol import JointDefinition, Protocol
@@ -59,7 +59,7 @@ def check_definition_ranges(
     Raises:
         FileProblems: Names the definition that would fit.
     """
-    moments = moments_of([step for step in steps if step.role == "evaluation"])
+    moments = moments_of(evaluated_steps(steps))
     if not moments or not protocol.spec.joints:
         return
     kinematics, q = Kinematics(robot), trajectory.at(np.array([time for _, time in moments]))[0]

@@ -10,7 +10,7 @@ from testbench.model.joint_angle import segment_pose
 from testbench.model.joint_axes import axes_in_world, heading_slope, heading_terms
 from testbench.model.kinematics import Kinematics
 from testbench.planning.segment_frames import moments_of
-from testbench.records.session.plan import PlannedStep
+from testbench.records.session.plan import PlannedStep, evaluated_steps
 from testbench.records.session.trajectory import Trajectory
 from testbench.records.specs.protocol import Protocol
 from testbench.records.specs.robot import Robot
@@ -30,7 +30,7 @@ def constraint_warnings(
 
     They do not keep their angle as the arm moves, or stay too near to the vertical.
     """
-    judged = [step for step in steps if step.role == "evaluation"]
+    judged = evaluated_steps(steps)
     joints = {
         name: joint for name, joint in protocol.spec.joints.items() if joint.constraint is not None
     }

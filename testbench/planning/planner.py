@@ -20,7 +20,7 @@ from testbench.planning.joint_constraints import constraint_warnings
 from testbench.planning.motion import MotionBuilder
 from testbench.planning.segment_frames import segment_frame_warnings
 from testbench.planning.unit_slips import unit_warnings
-from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.session.plan import Plan, PlannedStep, evaluated_steps
 from testbench.records.specs.protocol import Protocol
 from testbench.records.specs.protocol_chain import CHAIN_METRICS, WHOLE_CHAIN
 from testbench.records.specs.protocol_file import load_protocol
@@ -185,7 +185,7 @@ def _check_settling(protocol: Protocol, steps: list[PlannedStep]) -> None:
     chain = protocol.spec.estimate.chain
     if chain is None or chain.settling_s == 0:
         return
-    judged = [step.section for step in steps if step.role == "evaluation"]
+    judged = [step.section for step in evaluated_steps(steps)]
     for section in chain.sections or dict.fromkeys(judged):
         spans = [
             (step.settled_ns if step.kind == "sweep" else step.end_ns) - step.start_ns

@@ -19,7 +19,7 @@ from testbench.model.joint_angle import (
     segment_pose,
 )
 from testbench.model.kinematics import Kinematics
-from testbench.records.session.plan import PlannedStep
+from testbench.records.session.plan import PlannedStep, evaluated_steps
 from testbench.records.session.trajectory import Trajectory
 from testbench.records.specs.joint_definition import FlexionAngle
 from testbench.records.specs.protocol import JointDefinition, Protocol
@@ -60,7 +60,7 @@ def segment_frame_warnings(
         A sentence for each that is off by more than any Euler sequence could be, and for each whose
         flexion is not defined in one of the poses.
     """
-    judged = [step for step in steps if step.role == "evaluation"]
+    judged = evaluated_steps(steps)
     if not judged:
         return []
     moments = moments_of(judged)

@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from testbench.consistency import check_samples
 from testbench.consistency.turning import names_of
 from testbench.records.findings.finding import Finding, Severity
 from testbench.records.session.samples import ImuSamples
-from tests.benchmarks.recordings import Known, real, simulated
+from tests.benchmarks.recordings import Known, check_samples, real, simulated
 from tests.benchmarks.resuming import count_of, resumed
 from tests.benchmarks.timing import Text, show
 

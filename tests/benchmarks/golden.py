@@ -142,7 +142,9 @@ def compare_all(base: Path, new: Path) -> int:
     missing = {file.name for file in base.glob("*.json")} - {file.name for file in files}
     if missing:
         print(f"not compared: {', '.join(sorted(name[:-5] for name in missing))}")
-    return differing
+    if not files:
+        print(f"nothing to compare in {new}")
+    return differing + len(missing) + (not files)
 
 
 def difference(a: Any, b: Any) -> float:

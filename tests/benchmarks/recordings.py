@@ -7,15 +7,18 @@ its pose: no formula is shared with the checks that are tried on it.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from testbench.consistency import Consistency
+from testbench.consistency.looked import UNKNOWN_UP, Up
 from testbench.formats import FORMATS
 from testbench.formats.options import Options
+from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples
 
 GRAVITY = 9.80665
@@ -191,3 +194,16 @@ def _imucal(file: Path) -> Known:
     data = np.loadtxt(file, delimiter=",", skiprows=1)
     # it reads half of what it turned; see the mapping imucal_ferraris
     return Known("imucal", of_arrays(204.8, np.radians(2 * data[:, 1:4]), data[:, 4:7]), 204.8)
+
+
+def check_samples(chunks: Iterable[ImuSamples], up: Up = UNKNOWN_UP) -> list[Finding]:
+    """What the quantities of a sensor say of one another, without a truth.
+
+    Args:
+        chunks: All its samples in the order of time, in the units of a session.
+        up: What is known of the vertical beside them.
+    """
+    seen = Consistency()
+    for chunk in chunks:
+        seen.look(chunk)
+    return seen.findings(up)

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.consistency import Consistency, check_samples, refuse_contradictions
+from testbench.consistency import Consistency, refuse_contradictions
 from testbench.exceptions import InputError
 from testbench.records.findings.finding import Severity
 from testbench.records.session.samples import ImuSamples
 from tests.benchmarks.faults import FAULTS, NAMED, UNCHECKED, Fault, outcome, warnings
-from tests.benchmarks.recordings import Known, of_arrays, simulated
+from tests.benchmarks.recordings import Known, check_samples, of_arrays, simulated
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.consistency import check_samples
 from testbench.consistency.factors import names_of_factor
 from testbench.records.session.samples import ImuSamples
-from tests.benchmarks.recordings import GRAVITY, of_arrays, simulated
+from tests.benchmarks.recordings import GRAVITY, check_samples, of_arrays, simulated
 
 RATE = 100.0
 

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from testbench.consistency import check_samples
 from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples
-from tests.benchmarks.recordings import Known, simulated
+from tests.benchmarks.recordings import Known, check_samples, simulated
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.consistency import check_samples
 from testbench.consistency.excerpt import LONGEST_BRIDGE, thin
 from testbench.consistency.rests import find_rests
 from testbench.frames import NANOSECONDS
 from testbench.records.session.samples import ImuSamples
-from tests.benchmarks.recordings import Known, of_arrays, simulated
+from tests.benchmarks.recordings import Known, check_samples, of_arrays, simulated
 
 
 @pytest.fixture(scope="module")

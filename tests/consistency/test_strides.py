@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.consistency import check_samples
 from testbench.consistency.excerpt import thin
 from testbench.consistency.strides import find_strides
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.findings.finding import Finding, Severity
 from testbench.records.session.samples import ImuSamples
-from tests.benchmarks.recordings import of_arrays
+from tests.benchmarks.recordings import check_samples, of_arrays
 from tests.consistency.test_two_segments import recorded
 from tests.system import two_segments
 

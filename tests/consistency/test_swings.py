@@ -9,12 +9,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from testbench.consistency import check_samples
 from testbench.consistency.excerpt import thin
 from testbench.consistency.fits import Pair
 from testbench.consistency.swings import is_explained
 from testbench.records.session.samples import ImuSamples
-from tests.benchmarks.recordings import GRAVITY, of_arrays, simulated
+from tests.benchmarks.recordings import GRAVITY, check_samples, of_arrays, simulated
 
 RATE = 100.0
 

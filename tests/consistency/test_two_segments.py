@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.consistency import check_samples
 from testbench.records.findings.finding import Severity
 from testbench.records.session.samples import ImuSamples
+from tests.benchmarks.recordings import check_samples
 from tests.system import two_segments
 
 

@@ -24,7 +24,6 @@ from testbench.consistency.doubtful import (
     without,
 )
 from testbench.consistency.traits import Traits
-from testbench.estimation.signals.quality import assess
 from testbench.frames import NANOSECONDS
 from testbench.model.imu import TriadModel
 from testbench.records.session.manifest import FullScale
@@ -32,6 +31,7 @@ from testbench.records.session.samples import ImuSamples
 from testbench.records.specs.exclusion import Exclusion
 from testbench.records.specs.sensor import list_presets, load_preset
 from tests.benchmarks.long_recordings import orientation
+from tests.estimation.assessed import assess
 
 SECONDS, RESTS = 60.0, ((0.0, 6.0), (25.0, 33.0))
 NOISY = [preset for preset in list_presets() if preset != "ideal"]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from testbench.consistency.doubtful import Belief
-from testbench.estimation.signals.quality import assess
 from testbench.estimation.signals.timing import audit_timing
 from testbench.model.truth import without_jumps
 from testbench.records.session.samples import ImuSamples, Truth
+from tests.estimation.assessed import assess
 
 N, RATE = 2000, 100.0
 

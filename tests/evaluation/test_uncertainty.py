@@ -121,8 +121,8 @@ def test_a_time_that_nobody_knows_forbids_a_statement_only_where_the_truth_moves
     arrival = ClockFit(method="arrival")
     assert clock_source("a", arrival, JudgedMotion(0.0, 20.0, 30.0)) is None
     assert clock_source("a", arrival, JudgedMotion(0.0, 20.0, float("nan"))) is None
-    # a standing arm whose encoders hiss by 0.04 deg: no time does more than that, whatever its rate
-    # by differences
+    # a standing arm whose encoders have noise of 0.04 deg: no time does more than that, whatever
+    # its rate by differences
     still = clock_source("a", arrival, JudgedMotion(0.0, 3.0, 0.04))
     assert still.contribution_deg == still.magnitude_deg == pytest.approx(0.02 / np.sqrt(3))
     assert clock_source("a", ClockFit(), JudgedMotion(0.0, 20.0, 30.0)).standard_uncertainty == 0

@@ -187,6 +187,18 @@ def test_a_viewer_that_dies_is_reported(
     assert not (tmp_path / "view.png").exists()
 
 
+def test_a_picture_that_is_not_drawn_leaves_what_was_there(
+    quick: Judged, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "viewer_program", lambda: Path(str(shutil.which("false"))))
+    (tmp_path / "kept.png").write_bytes(b"a picture")
+    (tmp_path / "view.png").symlink_to("kept.png")
+    with pytest.raises(ViewerError):
+        screenshot(quick.session, tmp_path / "view.png", quick.estimate, quick.evaluation)
+    assert (tmp_path / "view.png").is_symlink()
+    assert (tmp_path / "kept.png").read_bytes() == b"a picture"
+
+
 def test_the_viewer_listens_on_this_machine_only_and_reports_no_usage(
     quick: Judged, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

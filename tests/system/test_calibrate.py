@@ -1,5 +1,5 @@
-"""Calibrations from whole sessions: against the errors that the simulated part was born with, which
-no estimator sees.
+"""Calibrations from whole sessions: against the errors that were drawn for the simulated part,
+which no estimator sees.
 """
 
 import json

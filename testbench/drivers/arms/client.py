@@ -13,7 +13,7 @@ from testbench.drivers.arms.settings import LinkSettings
 
 SMOOTHING = 0.1
 """Weight of the newest sample in the smoothed angles that decide whether a pose is reached:
-encoders hiss.
+encoders are noisy.
 """
 MOVES_RAD = 0.001
 """An angle so far from its smoothed value moves; the smoothed value follows at once [rad]."""

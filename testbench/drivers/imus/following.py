@@ -17,8 +17,8 @@ SMOOTHING_S = 0.1
 its half is not known yet.
 """
 KNOT_EVERY = 4
-"""Samples between two knots of the motion: the polynomial between them follows 5 Hz, and hiss is
-not blown up.
+"""Samples between two knots of the motion: the polynomial between them follows 5 Hz, and noise
+is not blown up.
 """
 
 

@@ -12,7 +12,7 @@ from testbench.emulation.ur.script import ControlScript, is_control_script
 from testbench.emulation.ur.state import SAFETY_BITS, Registers, RobotMode, RuntimeState, SafetyMode
 
 AMPERE_NOISE = 0.02
-"""Measured currents hiss by this much: a stand-in."""
+"""Noise of measured currents: a stand-in."""
 ZERO6 = [0.0] * 6
 
 

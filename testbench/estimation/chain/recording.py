@@ -15,7 +15,7 @@ from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.disk.tables import read_parquet
 from testbench.records.results.estimate import SensorEstimate
 from testbench.records.session.layout import PLAN
-from testbench.records.session.plan import PlannedStep
+from testbench.records.session.plan import PlannedStep, evaluated_steps
 from testbench.records.session.sensor_file import SensorFile
 from testbench.records.session.session import Session
 from testbench.records.specs.protocol_chain import ChainModel
@@ -114,7 +114,7 @@ class ChainRecording:
         """Those that are estimated where none is named."""
         if self.model is not None:
             return [MOTION]
-        judged = [step.section for step in self.steps if step.role == "evaluation"]
+        judged = [step.section for step in evaluated_steps(self.steps)]
         return list(dict.fromkeys(judged))
 
     def part(self, section: str, sensors: Mapping[str, SensorEstimate]) -> ChainPart:

@@ -33,6 +33,7 @@ class GaitSettings:
         parameters: Of the regression, a name of `PUBLISHED`; given, a sensor on the foot goes by
             the regression, too. By place if "".
         filter: Of the regression.
+        filter_parameters: Those of filters that differ from their defaults, by filter and name.
         floor: "level": all stands of a foot are equally high; "any"; "found" by their rise.
     """
 
@@ -40,6 +41,7 @@ class GaitSettings:
     mounting: Mapping[str, str] = field(default_factory=dict)
     parameters: str = ""
     filter: str = DEFAULT_FILTER
+    filter_parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     floor: Literal["found", "level", "any"] = "found"
 
     @property

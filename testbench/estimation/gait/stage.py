@@ -91,6 +91,7 @@ def _idle(own: SensorGait, settings: GaitSettings) -> list[Finding]:
         return []
     said = [("--mounting", settings.mounting.get(own.sensor, FOUND) != FOUND)]
     said.append(("--filter", settings.filter != DEFAULT_FILTER))
+    said.append(("--set", bool(settings.filter_parameters)))
     return [
         finding("gait.idle", own.sensor, option=option, place=own.on) for option, on in said if on
     ]
@@ -192,7 +193,7 @@ def _by_regression(
     R, name = mounting_matrix(mounting, readings.rate, readings.acc, own.sensor)
     unbiased = replace(readings.uniform, gyr=readings.rate)
     level = levelled(unbiased, R)
-    kind = choose_filters([settings.filter])[0]
+    kind = choose_filters([settings.filter], settings.filter_parameters)[0]
     missing = kind.missing(level)
     if missing:
         raise InputError(

@@ -13,13 +13,10 @@ from testbench.consistency.doubtful import (
     NOT_FINITE,
     SATURATED,
     STUCK,
-    Belief,
     Doubts,
     Gates,
-    without,
 )
 from testbench.consistency.refused import Tally
-from testbench.consistency.traits import Traits
 from testbench.estimation.signals.rates import LARGEST_BIAS
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.records.findings.catalogue import finding
@@ -147,27 +144,6 @@ class Inspection:
     def findings(self) -> list[Finding]:
         """What was refused and why, and what else the readings show."""
         return self._tally.findings()
-
-
-def assess(
-    samples: ImuSamples, static: np.ndarray, belief: Belief | None = None
-) -> tuple[Quality, ImuSamples]:
-    """Put a whole recording through the gates.
-
-    Args:
-        samples: As recorded.
-        static: Whether each is at rest, shape (n,), bool.
-        belief: What a person says of them.
-
-    Returns:
-        What was found, and the samples with NaN for what is unknown.
-    """
-    gates = Gates(Traits(belief.has_noise if belief else True).add(samples), belief or Belief())
-    inspection, doubts = Inspection(gates), gates.doubt(samples)
-    flags = inspection.flags(samples, doubts, slice(None))
-    known = without(samples, doubts.unknown)
-    found = [*inspection.findings(), *findings_on(known, static)]
-    return Quality(flags, found, inspection.counts), known
 
 
 def _read(samples: ImuSamples, rest: np.ndarray) -> bool:

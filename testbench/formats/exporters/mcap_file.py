@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -115,14 +114,7 @@ def _kinds(streams: list[Stream]) -> list[str]:
 
 def _start_ns(source: ExportSource) -> int:
     """Start of the session since 1970 [ns]."""
-    text = source.session.manifest.recorded_utc or source.session.manifest.started_utc
-    try:
-        started = datetime.fromisoformat(str(text))
-    except ValueError:
-        raise InputError(
-            f"{source.session.path}: started_utc of the manifest is no date: {text}"
-        ) from None
-    started = started if started.tzinfo else started.replace(tzinfo=UTC)
+    started = source.session.recorded_at or source.session.started
     return round(started.timestamp() * 1e6) * 1000
 
 

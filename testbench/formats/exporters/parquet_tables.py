@@ -10,6 +10,7 @@ from testbench.formats.exporters.source import ExportSource
 from testbench.formats.exporters.tables import all_tables, conventions, description, unit_of
 from testbench.formats.exporters.writing import write_index
 from testbench.records.disk.tables import write_parquet
+from testbench.records.session.layout import table_file
 
 
 def write(source: ExportSource, folder: Path) -> list[str]:
@@ -23,6 +24,6 @@ def write(source: ExportSource, folder: Path) -> list[str]:
             "units": json.dumps(units),
             "conventions": json.dumps(conventions()),
         }
-        write_parquet(folder / f"{name}.parquet", columns, notes)
+        write_parquet(folder / table_file(name), columns, notes)
     write_index(folder, description(source, tables))
     return []

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Any
 
 import yaml
-
-from testbench.exceptions import InputError
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_/^]*")
 _OTHER_WORDS = {"true", "false", "null", "yes", "no", "on", "off"}
@@ -44,22 +41,3 @@ def mapping_yaml(mapping: dict[str, Any], seen: list[str]) -> str:
         width=1_000_000,
     )
     return "\n".join(lines) + "\n" + body
-
-
-def write_new(path: Path, text: str) -> None:
-    """Write a file that is not there yet.
-
-    Raises:
-        InputError: It is there, or cannot be made.
-    """
-    try:
-        with path.open("x", encoding="utf-8") as stream:
-            stream.write(text)
-    except FileExistsError:
-        raise InputError(
-            f"{path} exists already and is left as it is; name another file with --out"
-        ) from None
-    except OSError as error:
-        raise InputError(
-            f"{path} cannot be written ({error.strerror}); name another file with --out"
-        ) from None

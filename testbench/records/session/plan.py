@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -92,10 +93,14 @@ class PlannedStep:
     cycles: PlannedCycles | None = None
 
 
+def evaluated_steps(steps: Sequence[PlannedStep]) -> list[PlannedStep]:
+    """Steps of evaluation sections alone; none where a protocol has no such section."""
+    return [step for step in steps if step.role == "evaluation"]
+
+
 def judged_steps(steps: list[PlannedStep]) -> list[PlannedStep]:
     """Steps whose errors count: of evaluation sections, or all but calibration if there is none."""
-    chosen = [step for step in steps if step.role == "evaluation"]
-    return chosen or [step for step in steps if step.role != "calibration"] or steps
+    return evaluated_steps(steps) or [step for step in steps if step.role != "calibration"] or steps
 
 
 def stored_steps(file: Path) -> list[PlannedStep]:

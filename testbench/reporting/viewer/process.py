@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -20,6 +21,7 @@ from urllib.parse import quote
 
 from testbench.exceptions import BenchError
 from testbench.frames import NANOSECONDS
+from testbench.records.disk.replacing import replaced_file, stored_where_asked
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.session.layout import RECORDING
@@ -108,10 +110,12 @@ def screenshot(
 
     Raises:
         ViewerError: There is no Vulkan driver to draw with, or the viewer failed otherwise.
+        InputError: The place cannot be written to.
+        StorageError: The disk is full.
     """
-    path = Path(path).resolve()
-    path.unlink(missing_ok=True)
+    path = Path(path)
     with tempfile.TemporaryDirectory(prefix="testbench_view_") as folder:
+        picture = Path(folder) / "picture.png"
         recording = save_recording(session, Path(folder) / RECORDING, estimate, evaluation)
         port = free_port()
         options = [
@@ -123,7 +127,9 @@ def screenshot(
             str(recording),
         ]
         with _viewer(options, quiet=True) as process:
-            _draw(process, port, path, _telling_time(session) if time_s is None else time_s)
+            _draw(process, port, picture, _telling_time(session) if time_s is None else time_s)
+        with stored_where_asked(path), replaced_file(path) as partial:
+            shutil.copyfile(picture, partial)
     return path
 
 

@@ -1,8 +1,8 @@
 """Quijano & Valencia (Universidad del Cauca, 2018), tables 4.1 to 4.4, on our bench: pendulum,
 squat and gait.
 
-Each protocol is run with several sensors of the same kind (seeds), for the bias that a sensor was
-born with decides a single run, and differences are judged by their spread over these parts; the two
+Each protocol is run with several sensors of the same kind (seeds), for the bias that is drawn for a
+sensor decides a single run, and differences are judged by their spread over these parts; the two
 small rigs, whose errors are compared joint by joint, with `RIGS_A_PART` times as many. Both states
 of the filter see the same samples. What differs from the thesis: its rigs' dimensions, motions and
 references are not stated (ours are, in the protocols), its subject walked and ours is a model of 20

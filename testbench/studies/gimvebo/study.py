@@ -188,7 +188,7 @@ def true_parameters(plan: Plan, seed: int) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def parameter_table(part: Part, found: TriadCalibration, plan: Plan, seed: int) -> StudyTable:
-    """The parameters with their uncertainty, beside what the simulated part was born with."""
+    """The parameters with their uncertainty, beside the errors drawn for the simulated part."""
     matrix, bias, g_matrix = true_parameters(plan, seed)
     scale = np.diag(matrix)
     T = matrix / scale
@@ -219,7 +219,7 @@ def parameter_table(part: Part, found: TriadCalibration, plan: Plan, seed: int) 
     return StudyTable(
         "parameters",
         "The parameters (RK4, with g-sensitivity), beside the errors that the simulated part was "
-        "born with",
+        "drawn for the part",
         ("unit", "value", "standard uncertainty", "true", "difference / uncertainty"),
         tuple(rows),
         words.PARAMETERS_HOW.format(condition=fit.condition),

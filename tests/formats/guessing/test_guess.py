@@ -112,7 +112,7 @@ def test_a_slow_array_has_times_of_its_own(tmp_path, motion, round_trip):
 @pytest.mark.parametrize("earth", ["ENU", "NED"])
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_quaternion_is_told_by_gravity(earth, direction, table, xyz, motion, round_trip):
-    from testbench.model.earths import to_earth_frame
+    from tests.formats.earth_frames import to_earth_frame
 
     m = motion(2400)
     q = to_earth_frame(m.q, earth) * [1, direction, direction, direction]
@@ -269,7 +269,7 @@ def test_a_vendors_format_is_named_and_nothing_is_overwritten(
     assert (tmp_path / "sensors_mapping.yaml").is_file()
     before = (tmp_path / "sensors_mapping.yaml").read_bytes()
     code, said = run("--guess", path)
-    assert code == 2 and "exists already and is left as it is" in said
+    assert code == 2 and "exists already; it is kept" in said
     assert (tmp_path / "sensors_mapping.yaml").read_bytes() == before
     assert run("ngimu", path)[0] == 2 and run("ngimu", "--out", "s")[0] == 2
 
