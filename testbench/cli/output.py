@@ -268,6 +268,7 @@ def say_evaluation(
         _say_chain(evaluation)
     if evaluation.orientation:
         _say_orientation(evaluation)
+    _say_repeats(evaluation)
     say_noise(evaluation.noise)
     say_findings(evaluation.findings)
     say(f"outcome: {evaluation.verdict}")
@@ -304,6 +305,35 @@ def _say_verdict(evaluation: Evaluation) -> None:
             ]
             for m in evaluation.metrics
             if m.outcome is not None
+        ],
+    )
+
+
+def _say_repeats(evaluation: Evaluation) -> None:
+    """What sessions of the same protocol scatter by, of what has a limit or is ranked."""
+    sessions = evaluation.repeated_sessions
+    if not sessions:
+        return
+    limited = {m.name for m in evaluation.metrics if m.outcome is not None}
+    ranked = ("flexion_mean_abs_error_deg", "total_rmse_deg")
+    parts = {session.part for session in sessions}
+    say_table(
+        f"Over {len(sessions)} sessions of this protocol"
+        + ("" if None in parts else f", {len(parts)} {'part' if len(parts) == 1 else 'parts'}"),
+        ["metric", "filter", "section", "sequence", "this one", "mean", "sd", "another, 95 %"],
+        [
+            [
+                row.name,
+                row.filter or "",
+                row.section or "",
+                row.sequence or "",
+                row.values[0],
+                row.mean,
+                row.sd,
+                " to ".join(f"{end:.2f}" for end in row.another_95 or ()) + f" {row.unit}",
+            ]
+            for row in evaluation.repeats
+            if row.name in limited or row.name.partition(".")[2] in ranked
         ],
     )
 

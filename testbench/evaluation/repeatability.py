@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,23 +42,55 @@ class EqualSessions:
             folder: From the folder in which it lies.
         """
         values: dict[Key, list[float]] = {}
-        wanted = _what_it_did(session)
+        known = {content_of(session): session.name}
         for other in list_sessions(session.path.parent / Path(folder)):
-            if other.path.resolve() == session.path.resolve():
+            same = other.path.resolve() == session.path.resolve()
+            if same or why_unequal(session, other, known):
                 continue
             with suppress(SessionError):  # damaged, or not evaluated
-                if other.status is not RunStatus.COMPLETED or _what_it_did(other) != wanted:
-                    continue
-                for metric in Evaluation.load(other.path).metrics:
+                metrics = Evaluation.load(other.path).metrics
+                known[content_of(other)] = other.name
+                for metric in metrics:
                     if metric.value is not None and np.isfinite(metric.value):
                         values.setdefault(key_of(metric), []).append(metric.value)
         return EqualSessions(values)
 
 
-def _what_it_did(session: Session) -> Any:
-    """What two sessions must share to be equal: protocol, robot, steps and analysis, but not the
-    limits.
+def content_of(session: Session) -> frozenset[str]:
+    """The hashes of what was recorded, by which a copy is known."""
+    return frozenset(session.manifest.files.values())
+
+
+def why_unequal(session: Session, other: Session, known: Mapping[frozenset[str], str]) -> str:
+    """Why another session is no repetition of this one; "" where it is one.
+
+    Both must share protocol, robot, steps and analysis, but not the limits.
+
+    Args:
+        session: That is judged.
+        other: Of the folder.
+        known: Names of the sessions that count already, by their content.
     """
+    own, its = session.manifest, other.manifest
+    if other.status is not RunStatus.COMPLETED:
+        return f"its status is {other.status}"
+    if own.kind != its.kind:
+        return f"it is a session of another kind ({its.kind})"
+    if own.protocol.name != its.protocol.name:
+        return f"its protocol is {its.protocol.name}"
+    if set(own.sensors) != set(its.sensors):
+        return f"its sensors are {', '.join(sorted(its.sensors))}"
+    try:
+        differs = _what_it_did(session) != _what_it_did(other)
+    except SessionError as error:
+        return f"it is damaged: {error}"
+    if differs:
+        return "its robot, its steps or its analysis are others"
+    name = known.get(content_of(other))
+    return "" if name is None else f"it holds the same samples as {name}"
+
+
+def _what_it_did(session: Session) -> Any:
     analysis = session.analysis.model_copy(update={"accept": []})
     steps = [(step.section, step.name, step.kind, step.variables) for step in session.steps]
-    return session.manifest.protocol.name, session.manifest.robot.name, analysis, steps
+    return session.manifest.robot.name, analysis, steps

@@ -302,6 +302,11 @@ def has_uncertainty(kind: str) -> bool:
     return unit_of(kind) == "deg" and kind != "flexion_iqr_deg"
 
 
+def has_sign(kind: str) -> bool:
+    """Whether a metric may be negative: means and medians of signed errors, and delays."""
+    return kind in _SIGNED or kind.endswith("_latency_ms")
+
+
 def unit_of(kind: str) -> str:
     """The unit of a metric, which its name ends with."""
     return kind.rpartition("_")[2]

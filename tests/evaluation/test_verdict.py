@@ -266,6 +266,9 @@ def beside(quick, folder, values) -> Session:
         own.mkdir()
         for name in ("manifest.json", "events.jsonl"):
             shutil.copy(quick.session.path / name, own / name)
+        manifest = json.loads((own / "manifest.json").read_text(encoding="utf-8"))
+        manifest["files"]["raw/imu_arm.parquet"] = f"{i}"  # other samples: a copy counts once
+        (own / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
         metrics = [
             replace(m, value=value) if (m.name, m.filter, m.section) == WHICH else m
             for m in quick.evaluation.metrics
@@ -317,6 +320,14 @@ def test_only_completed_sessions_of_the_same_protocol_are_equal(quick, tmp_path)
         file.write_text(json.dumps(json.loads(file.read_text()) | change))
     found = EqualSessions.beside(session, ".").values
     assert found[(*WHICH[:2], "ZXZ", WHICH[2])] == [0.3, 0.4]
+
+
+def test_a_copy_of_a_session_counts_once(quick, tmp_path):
+    session = beside(quick, tmp_path, [0.1, 0.2])
+    shutil.copytree(tmp_path / "session_2", tmp_path / "session_3")
+    shutil.copytree(tmp_path / "session_0", tmp_path / "session_4")
+    found = EqualSessions.beside(session, ".").values
+    assert found[(*WHICH[:2], "ZXZ", WHICH[2])] == [0.1, 0.2]
 
 
 def test_how_often_an_equal_session_comes_out_otherwise_is_what_is_said():

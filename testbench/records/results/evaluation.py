@@ -33,6 +33,8 @@ from testbench.records.results.evaluation_rows import (
     OrientationSweepRow,
     OutlierRow,
     RankRow,
+    RepeatedMetric,
+    RepeatedSession,
     TunedRow,
 )
 from testbench.records.results.recording_rows import (
@@ -373,6 +375,11 @@ class ResultTables:
         found_cycles: Average cycles that were found in recordings without a plan.
         rests: How long each sensor rested.
         orientation_changes: How sensors lay in the last rest against the first.
+        repeated_sessions: Sessions of the same protocol that were looked at together, this one
+            first; none where nobody asked.
+        repeats: Metrics over these.
+        repeat_ranking: Places of the filters over these.
+        repeat_comparisons: Pairs of filters over these.
     """
 
     joint_angle: list[JointRow] = field(default_factory=list)
@@ -401,6 +408,10 @@ class ResultTables:
     found_cycles: list[FoundCycleRow] = field(default_factory=list)
     rests: list[RestRow] = field(default_factory=list)
     orientation_changes: list[OrientationChangeRow] = field(default_factory=list)
+    repeated_sessions: list[RepeatedSession] = field(default_factory=list)
+    repeats: list[RepeatedMetric] = field(default_factory=list)
+    repeat_ranking: list[RankRow] = field(default_factory=list)
+    repeat_comparisons: list[Comparison] = field(default_factory=list)
 
     @property
     def notes(self) -> list[str]:

@@ -245,6 +245,51 @@ class RankRow:
 
 
 @dataclass(frozen=True)
+class RepeatedSession:
+    """A session that counts among the repetitions of a protocol.
+
+    Attributes:
+        session: Its name.
+        part: What tells its sensors from those of another one: the seed that simulated parts were
+            drawn with, or the tags of devices; None where nothing does.
+        recorded: When, ISO 8601; None where nobody knows.
+    """
+
+    session: str
+    part: str | None
+    recorded: str | None
+
+
+@dataclass(frozen=True)
+class RepeatedMetric:
+    """A metric over several sessions of one protocol.
+
+    Attributes:
+        name: E.g. elbow.flexion_mean_abs_error_deg.
+        filter: That it belongs to, or None.
+        sequence: Label of the joint's definition that it belongs to, or None.
+        section: That it belongs to, or None.
+        unit: Of all values.
+        values: One a session, in the order of the sessions; None where it could not be measured.
+        mean: Over all sessions.
+        sd: From session to session.
+        mean_ci95: Where the mean over all sessions of this kind lies, 95 %.
+        another_95: Where one more session of this kind lies, 95 %.
+    """
+
+    name: str
+    filter: str | None
+    sequence: str | None
+    section: str | None
+    unit: str
+    values: list[float | None]
+    mean: Number
+    sd: Number
+    mean_ci95: Interval
+    another_95: Interval
+
+
+@dataclass(frozen=True)
 class GyroscopeBiasRow:
     """What a calibrated gyroscope still reads at rest; deg/s, one axis.
 
