@@ -149,6 +149,14 @@ TruthRateOption = Annotated[
         help="Rate of a log without times.",
     ),
 ]
+TruthSdOption = Annotated[
+    float | None,
+    _of_truth(
+        "--truth-sd",
+        metavar="DEG",
+        help="Standard uncertainty of its orientations about each axis; else by markers or robot.",
+    ),
+]
 TruthTimeUnitOption = Annotated[
     str | None,
     _of_truth(

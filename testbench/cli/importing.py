@@ -33,6 +33,7 @@ from testbench.cli.import_options import (
     TruthOffsetOption,
     TruthOption,
     TruthRateOption,
+    TruthSdOption,
     TruthTimeUnitOption,
     UnitOption,
 )
@@ -86,6 +87,7 @@ def import_files(
     move: MoveOption = None,
     truth_offset: TruthOffsetOption = None,
     truth_rate: TruthRateOption = None,
+    truth_sd: TruthSdOption = None,
     truth_time_unit: TruthTimeUnitOption = None,
     joint_unit: JointUnitOption = None,
     truth_cluster: TruthClusterOption = None,
@@ -111,11 +113,11 @@ def import_files(
     if out is None:
         raise InputError("--out SESSION is missing: the folder of the session, to be made")
     described = (robot, link, mounting, dwell, move, truth_rate, joint_unit, calibration_poses)
-    if truth is None and any((*described, truth_time_unit, truth_cluster, truth_angle)):
+    if truth is None and any((*described, truth_sd, truth_time_unit, truth_cluster, truth_angle)):
         raise InputError(
             "--robot, --link, --mounting, --dwell, --move, --calibration-poses, --truth-rate, "
-            "--truth-time-unit, --truth-cluster, --truth-angle and --joint-unit describe the file "
-            "of --truth"
+            "--truth-sd, --truth-time-unit, --truth-cluster, --truth-angle and --joint-unit "
+            "describe the file of --truth"
         )
     angles: Any = None if joint_unit is None else joint_unit.value
     of_body = any((joint, sequence, place_by, standing, forward, segment))
@@ -141,6 +143,7 @@ def import_files(
                 move_s=move,
                 offset_s=truth_offset,
                 rate_hz=truth_rate,
+                sd_deg=truth_sd,
                 joint_unit=angles,
                 calibration_poses=calibration_poses,
                 time_unit=truth_time_unit,

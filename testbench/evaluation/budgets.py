@@ -10,6 +10,13 @@ import numpy as np
 
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.flexion import JointErrors
+from testbench.evaluation.foreign_truth import (
+    RIGID,
+    UNKNOWN_TRUTH,
+    flexion_sensitivities,
+    known_of,
+    reference_sources,
+)
 from testbench.evaluation.sensitivity import (
     flexion_by_arm,
     judged_configurations,
@@ -43,7 +50,6 @@ from testbench.records.session.samples import ArmSamples
 from testbench.records.session.session import Session
 from testbench.records.specs.robot import Robot
 
-UNKNOWN_TRUTH = "the accuracy of the reference system is not known"
 PARTS = ("total", "heading", "inclination")
 
 
@@ -120,7 +126,7 @@ def _joint_budget(
     steps = [step for step, _ in judged]
     configurations = None if arm is None else judged_configurations(arm.samples, steps)
     if arm is None or configurations is None:
-        return _foreign_budget(estimate, errors, section, aligned, times)
+        return _foreign_budget(session, estimate, errors, (section, counted), times)
     placed, joint = session.analysis.sensors, errors.joint
     by_arm, by_mounting = flexion_by_arm(arm.kinematics, placed, joint, configurations.q)
     pose = arm.reference_pose(session)
@@ -145,23 +151,36 @@ def _joint_budget(
 
 
 def _foreign_budget(
-    estimate: Estimate, errors: JointErrors, section: str, aligned: str, times: _Times
+    session: Session,
+    estimate: Estimate,
+    errors: JointErrors,
+    judged: tuple[str, list[np.ndarray]],
+    times: _Times,
 ) -> UncertaintyBudget:
     """The budget of a flexion whose truth is orientations by another system.
 
     Args:
+        session: The recording.
         estimate: With the fits of the frames.
         errors: Of the joint.
-        section: That is judged.
-        aligned: Method of the alignment of frames.
+        judged: The section, and rows of each of its steps.
         times: Lines of the sensors' times.
     """
-    ends = (errors.joint.proximal, errors.joint.distal)
+    ends, (section, counted) = (errors.joint.proximal, errors.joint.distal), judged
+    aligned, definition = session.analysis.estimate.align, errors.joint.definitions()[0]
+    moments = errors.time_ns[np.concatenate(counted)]
+    reference = [
+        line
+        for name, c in zip(
+            ends, flexion_sensitivities(session, ends, definition, moments), strict=True
+        )
+        for line in reference_sources(session, name, c, c)
+    ]
     known = [sd for name in ends if (sd := _fitted_sd(estimate.sensors[name])) is not None]
     together = float(np.sqrt(np.sum(np.square(known)))) if known else None
-    lines = [*times.lines, alignment_source(None, aligned, None, together)]
-    missing = [UNKNOWN_TRUTH, *times.missing]
-    return combine(errors.name, "flexion", section, lines, missing, times.assumed)
+    lines = [*reference, *times.lines, alignment_source(None, aligned, None, together)]
+    missing = [*([] if known_of(session, list(ends)) else [UNKNOWN_TRUTH]), *times.missing]
+    return combine(errors.name, "flexion", section, lines, missing, [*times.assumed, RIGID])
 
 
 def _of_true_angles(
@@ -347,13 +366,17 @@ def sensor_budgets(
             if np.isfinite(sensor.clock.offset_sd_s)
             else max(judged_swing(q, part) for q in whole)
         )
+        # Axes of the sensor that a mounting error turns it about: all three, the vertical ones, the
+        # level ones.
+        mounted = {"total": np.sqrt(3.0), "heading": 1.0, "inclination": np.sqrt(2.0)}[part]
         motion = JudgedMotion(mean_rate, float(np.sqrt(np.mean(speed**2))), swing)
         times = _times(session, estimate, {name: motion}, motion)
         if arm is None or axes is None or configurations is None:
             frames = alignment_source(None, aligned, None, _fitted_sd(sensor))
-            lines = [*times.lines, frames]
-            missing = [UNKNOWN_TRUTH, *times.missing]
-            budgets.append(combine(name, part, None, lines, missing, times.assumed))
+            lines = [*reference_sources(session, name, mounted, 1.0), *times.lines, frames]
+            missing = [*([] if known_of(session, [name]) else [UNKNOWN_TRUTH]), *times.missing]
+            assumed = [*times.assumed, RIGID]
+            budgets.append(combine(name, part, None, lines, missing, assumed))
             continue
         size = length_of(axes, part)
         c = ArmSensitivity(
@@ -364,9 +387,6 @@ def sensor_budgets(
             None if reference is None else length_of(reference, part),
             len(arm.robot.joint_names),
         )
-        # Axes of the sensor that a mounting error turns it about: all three, the vertical ones, the
-        # level ones.
-        mounted = {"total": np.sqrt(3.0), "heading": 1.0, "inclination": np.sqrt(2.0)}[part]
         lasting = _mean_vertical(true.q[judged]) if part == "heading" else mounted
         sources = [
             *arm_sources(arm.robot, arm.kinematics.twists, arm.samples, steps, c),

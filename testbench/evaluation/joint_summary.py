@@ -168,7 +168,10 @@ def _summary(
     result = with_intervals(
         result, None if when is None else error_series(when, np.degrees(errors.error[key]))
     )
-    if motion == "dynamic":
+    if motion == "dynamic" and len(by_step) == len(judged) == 1:  # known from the sweep itself
+        (row,) = by_step
+        result = replace(result, latency_ms=row.latency_ms, latency_sd_ms=row.latency_sd_ms)
+    elif motion == "dynamic":
         delay = angle_delay(
             errors.time_ns, errors.flexion[key], errors.reference, [rows for _, rows in judged]
         )

@@ -21,6 +21,7 @@ from testbench.model.joint_angle import (
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import ArmSamples
+from testbench.records.specs.joint_definition import FlexionAngle
 from testbench.records.specs.protocol import JointDefinition, Sensor
 
 STEP = 1e-4
@@ -96,7 +97,8 @@ def flexion_by_arm(
         np.concatenate([arm[0], own[0], still], axis=1),
         np.concatenate([arm[1], still, own[1]], axis=1),
     ]
-    found = _flexion_by_turning(placed, true, turning, joint)
+    segments = [segment_orientation(q, sensor) for q, sensor in zip(true, placed, strict=True)]
+    found = flexion_by_turning(segments, turning, joint.definitions()[0])
     by_arm = found[:, :-6]
     if joint.reference_joint in kinematics.robot.joint_names:
         by_arm = np.zeros((len(q), sources))
@@ -104,35 +106,30 @@ def flexion_by_arm(
     return by_arm, found[:, -6:]
 
 
-def _flexion_by_turning(
-    placed: tuple[Sensor, Sensor],
-    true: list[np.ndarray],
-    turning: list[np.ndarray],
-    joint: JointDefinition,
+def flexion_by_turning(
+    segments: list[np.ndarray], turning: list[np.ndarray], definition: FlexionAngle
 ) -> np.ndarray:
-    """Change of the flexion with turns of its sensors in the world, shape (m, s) [1].
+    """Change of a flexion with turns of its segments in the world, shape (m, s) [1].
 
     Args:
-        placed: The proximal and the distal sensor.
-        true: q_world_from_sensor of each, shape (m, 4).
-        turning: Axes that each is turned about, of s errors, shape (m, s, 3).
-        joint: What the flexion is.
+        segments: q_world_from_segment of the proximal and of the distal one, shape (m, 4) each.
+        turning: Axes that each is turned about, of s errors, shape (m, s, 3) each.
+        definition: What the flexion is.
     """
-    definition = joint.definitions()[0]
     count = turning[0].shape[1]
     steps = STEP * np.array([0.0, *[1.0] * count, *[-1.0] * count])
     which = np.array([0, *range(count), *range(count)])
     moved = []
-    for sensor, q, axes in zip(placed, true, turning, strict=True):
+    for q, axes in zip(segments, turning, strict=True):
         vectors = steps[:, None, None] * np.swapaxes(axes, 0, 1)[which]
         turned = rotation.multiply(
             rotation.from_rotation_vector(vectors), np.broadcast_to(q, (len(steps), *q.shape))
         )
-        moved.append(segment_orientation(turned.reshape(-1, 4), sensor))
-    angles = joint_angles(moved[0], moved[1], definition)[:, INDEX[definition.flexion]].reshape(
-        len(steps), -1
+        moved.append(turned.reshape(-1, 4))
+    angles = joint_angles(moved[0], moved[1], definition)[:, INDEX[definition.flexion]]
+    middle, ahead, behind = np.split(
+        definition.sign * angles.reshape(len(steps), -1), [1, 1 + count]
     )
-    middle, ahead, behind = np.split(definition.sign * angles, [1, 1 + count])
     return np.stack([_larger(middle[0], *pair) for pair in zip(ahead, behind, strict=True)], axis=1)
 
 

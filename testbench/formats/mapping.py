@@ -245,6 +245,13 @@ class TruthColumns(QuaternionColumns):
         default="z_up",
         description="Whether the reference's z points up, or nobody knows where up is in it.",
     )
+    sd_deg: float | None = Field(
+        default=None,
+        gt=0,
+        le=30,
+        description="Standard uncertainty of these orientations about each axis [deg]; null: not "
+        "known, and so is the uncertainty of every error.",
+    )
 
     @model_validator(mode="after")
     def _file_has_times(self) -> TruthColumns:

@@ -22,6 +22,9 @@ from testbench.records.specs.robot import Robot
 from testbench.records.specs.strict import Placement
 from testbench.records.specs.urdf_joint import joints_to, read_urdf
 
+MOST_LOOKED_AT = 200
+"""Configurations of a log that its uncertainty is averaged over."""
+
 
 @dataclass(frozen=True)
 class Pose:
@@ -357,6 +360,23 @@ class Kinematics:
             turn = rotation.from_rotation_vector(q[:, column, None] * axis)
             R = R @ rotation.to_matrix(turn)
         return result
+
+    def orientation_sd_deg(self, link: str, q: np.ndarray) -> float:
+        """How unsure the orientation of a link is by the zeros and twists of the arm [deg].
+
+        Args:
+            link: Name of the link in the URDF.
+            q: Joint angles in the robot's order, shape (n, n_joints) [rad]; some are looked at.
+
+        Returns:
+            Standard uncertainty about the axis about which it is least sure, RMS over them.
+        """
+        some = q[:: max(len(q) // MOST_LOOKED_AT, 1)]
+        twist = np.radians(self.robot.spec.uncertainty.link_twist_deg)
+        sds = np.append(self.robot.joint_angle_uncertainty, np.full(len(self.twists), twist))
+        axes = sds[:, None] * self.error_axes(link, some[np.isfinite(some).all(axis=1)])
+        covariance = np.einsum("nsi,nsj->ij", axes, axes) / max(len(axes), 1)
+        return float(np.degrees(np.sqrt(np.linalg.eigvalsh(covariance)[-1])))
 
     def offset_before(self, joint: str) -> float:
         """How far a joint lies from the one before it [m]."""

@@ -110,6 +110,7 @@ def _truth(asked: TruthRequest) -> TruthOptions:
         asked.time_unit,
         _once("--truth-cluster", map(_cluster, asked.clusters)),
         _once("--truth-angle", map(_angle, asked.angles)),
+        asked.sd_deg,
     )
 
 

@@ -357,6 +357,11 @@ class TruthRequest(Asked):
         default=None, description="Added to the file's times [s]; null: found by the motion."
     )
     rate_hz: float | None = Field(default=None, description="Of a log without times [Hz].")
+    sd_deg: float | None = Field(
+        default=None,
+        description="Standard uncertainty of its orientations about each axis [deg]; null: by the "
+        "markers or the robot, where there are any.",
+    )
     joint_unit: Literal["deg", "rad"] | None = Field(
         default=None, description="Of the log's joint angles, where it does not say."
     )

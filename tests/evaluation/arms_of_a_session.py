@@ -5,7 +5,7 @@ was off by.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +14,16 @@ from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.uncertainty import UncertaintyBudget
 from testbench.records.session.plan import judged_steps
 from testbench.records.session.session import Session
-from tests.evaluation.drawn_arms import Judged, Stated, differences, drawn
+from testbench.records.specs.robot import Uncertainty
+from tests.evaluation.drawn_arms import (
+    WRIST_1,
+    WRIST_3,
+    Judged,
+    Stated,
+    differences,
+    drawn,
+    turns,
+)
 
 DEFINITIONS = {"by_joint": None, "by_frames": "YXZ", "by_symmetric_frames": "ZXZ"}
 MOST_INSTANTS = 24
@@ -109,14 +118,7 @@ def _held(
     assert session.robot is not None
     law = LAWS[name]
     spec, servo = session.robot.spec.uncertainty, session.robot.spec.servo
-    assert isinstance(spec.joint_angle_deg, float)
-    stated = Stated(
-        spec.joint_angle_deg, spec.link_twist_deg, spec.link_length_mm, spec.link_offset_mm
-    )
-    stated = replace(stated, scale=law.scale, law=law.shape)
-    if not law.reliable:
-        stated = replace(stated, freedom=0.5 / (spec.reliability_percent / 100) ** 2)
-    arms = drawn(stated, count, rng)
+    arms = drawn(_stated(spec, law), count, rng)
     joint = session.analysis.joints[budget.owner]
     late = np.column_stack(
         [_late(budget, sensor, count, rng) for sensor in (joint.proximal, joint.distal)]
@@ -162,3 +164,61 @@ def _edge(budget: UncertaintyBudget, sensor: str, count: int) -> np.ndarray:
     """The largest delay of a sensor that its line allows [s], shape (count,)."""
     lines = [s for s in budget.sources if s.source.endswith(f", {sensor}") and s.unit == "ms"]
     return np.full(count, sum(1e-3 * s.value for s in lines if s.distribution == "rectangular"))
+
+
+def judged_orientations(
+    recorded: tuple[Session, Evaluation], count: int, law: str = "as stated"
+) -> list[Drawn]:
+    """Hold what drawn arms, tilted bases and mountings turn each sensor by to its budgets.
+
+    Args:
+        recorded: A session of a UR3e, and what was made of it.
+        count: Of arms.
+        law: By which they are drawn, of `LAWS`.
+    """
+    session, evaluation = recorded
+    assert session.robot is not None
+    spec, rng = session.robot.spec.uncertainty, np.random.default_rng(9)
+    arms = drawn(_stated(spec, LAWS[law]), count, rng)
+    scale = np.radians(LAWS[law].scale)
+    tilt = scale * spec.levelling_deg * rng.standard_normal((count, 3)) * [1, 1, 0]
+    mounted = scale * spec.mounting_deg * rng.standard_normal((count, 3))
+    if session.analysis.estimate.align == "reference_pose":  # it takes the mounting out
+        mounted *= 0
+    steps = [s for section in ("static", "sweep") for s in _steps(session, section)]
+    result = []
+    for sensor, link in (("arm", WRIST_1), ("forearm", WRIST_3)):
+        found = [turns(step, arms, link, tilt, mounted) for step in steps]
+        square = {
+            "total": np.mean([(d**2).sum(axis=2).mean(axis=1) for d in found], axis=0),
+            "inclination": np.mean([(d[..., :2] ** 2).sum(axis=2).mean(axis=1) for d in found], 0),
+            "heading": np.mean([(d[..., 2] ** 2).mean(axis=1) for d in found], axis=0),
+        }
+        mean = np.mean([d[..., 2].mean(axis=1) for d in found], axis=0)
+        for budget in evaluation.uncertainty:
+            if budget.owner == sensor:
+                assert budget.expanded_deg is not None
+                assert budget.expanded_magnitude_deg is not None
+                size = np.sqrt(square[budget.quantity])
+                signed = np.abs(mean) if budget.quantity == "heading" else size
+                result.append(
+                    Drawn(
+                        sensor,
+                        budget.quantity,
+                        law,
+                        100 * float(np.mean(signed <= budget.expanded_deg)),
+                        100 * float(np.mean(size <= budget.expanded_magnitude_deg)),
+                        budget.expanded_deg,
+                        budget.expanded_magnitude_deg,
+                        float(budget.coverage_factor or np.nan),
+                    )
+                )
+    return result
+
+
+def _stated(spec: Uncertainty, law: Law) -> Stated:
+    """What a robot file states, drawn by a law."""
+    assert isinstance(spec.joint_angle_deg, float)
+    numbers = (spec.joint_angle_deg, spec.link_twist_deg, spec.link_length_mm, spec.link_offset_mm)
+    freedom = None if law.reliable else 0.5 / (spec.reliability_percent / 100) ** 2
+    return Stated(*numbers, law.scale, freedom, law.shape)

@@ -170,3 +170,23 @@ def differences(
     real = flexion(definition, links).reshape(count, m)
     said = flexion(definition, poses(step.q[None], NOMINAL)[0])
     return np.asarray((said - real + 180) % 360 - 180)
+
+
+def turns(step: Judged, arms: Arms, link: int, tilt: np.ndarray, mounted: np.ndarray) -> np.ndarray:
+    """By what a sensor really stands beside where the encoders say: rotation vectors in the world.
+
+    Args:
+        step: That is judged.
+        arms: As they really are.
+        link: Of those of `poses`.
+        tilt: Of the base, shape (count, 3) [rad].
+        mounted: Of the sensor on its link, shape (count, 3) [rad].
+
+    Returns:
+        Shape (count, m, 3) [deg].
+    """
+    count, m = len(arms.zeros), len(step.q)
+    said = poses(np.broadcast_to(step.q, (count, m, 6)), NOMINAL)[0][link]
+    base, own = (Rotation.from_rotvec(np.repeat(v, m, axis=0)) for v in (tilt, mounted))
+    real = base * poses(step.q[None], arms)[0][link] * own
+    return np.asarray(np.degrees((real * said.inv()).as_rotvec()).reshape(count, m, 3))

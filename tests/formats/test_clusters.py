@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from testbench.formats.truth.clusters import fit_cluster
 from tests.formats.mocap import off_deg, placed
@@ -79,3 +80,29 @@ def test_no_frame_with_three_markers_is_no_fit(motion):
     markers = placed(motion(50).q)
     markers[:, :2] = np.nan
     assert fit_cluster(markers) is None
+
+
+def test_the_stated_uncertainty_is_what_noise_turns_the_cluster_by(motion):
+    """About the axis about which the markers tell least, that of their longest extent."""
+    q = motion(3000).q
+    markers = placed(q, noise_m=0.5e-3)
+    markers[::3, 2] = np.nan  # a third of the frames has three markers only
+    fit = fit_cluster(markers)
+    assert fit.noise_m == pytest.approx(0.5e-3, rel=0.03)
+    true, found = (
+        Rotation.from_quat(own, scalar_first=True) for own in (q, fit.q_world_from_cluster)
+    )
+    turns = true.inv() * found
+    errors = (turns * turns.mean().inv()).as_rotvec()
+    worst = np.sqrt(np.linalg.eigvalsh(errors.T @ errors / len(errors))[-1])
+    assert worst == pytest.approx(fit.sd_rad, rel=0.05)
+
+
+def test_a_longer_cluster_is_surer_and_exact_markers_are_sure(motion):
+    q = motion(300).q
+    near, far = (
+        fit_cluster(placed(q, noise_m=0.5e-3) + (size - 1) * (placed(q) - placed(q)[:, :1]))
+        for size in (1, 3)
+    )
+    assert far.sd_rad == pytest.approx(near.sd_rad / 3, rel=0.05)
+    assert fit_cluster(placed(q)).sd_rad < 1e-9

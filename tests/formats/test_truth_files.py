@@ -13,6 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.cli import main
+from testbench.evaluation.foreign_truth import UNKNOWN_TRUTH
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.formats import import_recording
 from testbench.formats.options import Options
@@ -162,6 +163,26 @@ def test_the_whole_way_to_the_error_of_a_filter(run, load, table):
         row.total_rmse_deg < 1.0
     )  # moves of up to 180 degrees in a second disturb the filter's vertical
     assert session.manifest.sensors["hand"].truth == f"ur3e, link {LINK}"
+
+
+def test_the_truth_of_a_robots_log_has_the_uncertainty_of_its_zeros_and_twists(run, load, table):
+    t, q, *_ = run
+    log = table(
+        "robot.csv", {"time_s": t} | {name: q[:, i] for i, name in enumerate(JOINTS)}, form="%.10g"
+    )
+    session = load(log, joint_unit="rad")
+    stated = session.manifest.sensors["hand"].truth_sd_deg
+    # six zeros of 0.1 deg and seven twists of 0.12, of which one axis sees about a third or more
+    assert np.sqrt((6 * 0.1**2 + 7 * 0.12**2) / 3) < stated < np.sqrt(6 * 0.1**2 + 7 * 0.12**2)
+    evaluation = analyse(session, analysis("vqf_6d")).evaluation
+    total = next(b for b in evaluation.uncertainty if b.quantity == "total")
+    assert total.complete and total.expanded_deg > 2 * stated
+    named = {line.source: line for line in total.sources}
+    assert named["orientation of the reference, hand"].sensitivity == pytest.approx(np.sqrt(3))
+    assert 0 < named["time step of the reference, hand"].contribution_deg < 0.1
+    assert any("rigid" in note for note in total.assumed)
+    (metric,) = [m for m in evaluation.metrics if m.name == "hand.total_rmse_deg"]
+    assert metric.expanded_uncertainty == total.expanded_magnitude_deg
 
 
 def test_an_angle_that_no_joint_turns_to_is_refused(run, load, table):
@@ -405,8 +426,26 @@ def test_orientations_of_a_reference_system(run, recorded, table, xyz, tmp_path,
     session = import_recording("generic", [path], tmp_path / "session", clock, options, truth)
     known = np.isfinite(session.truth("hand").q_world_from_sensor[:, 0])
     assert known.sum() == len(rows) - 20 and (~known).sum() == 1
-    (row,) = analyse(session, analysis("vqf_6d")).evaluation.orientation
-    assert row.total_rmse_deg < 1.0
+    evaluation = analyse(session, analysis("vqf_6d")).evaluation
+    assert evaluation.orientation[0].total_rmse_deg < 1.0
+    assert all(UNKNOWN_TRUTH in budget.notes for budget in evaluation.uncertainty)
+
+
+def test_a_person_states_how_sure_orientations_are(run, recorded, table, xyz, tmp_path, clock):
+    t, _, q, *_ = run
+    columns = {"time_s": t} | xyz("q_{}", q, "wxyz")
+    poses = table("optical.csv", columns, form="%.10g")
+    path, options = recorded
+    truth = TruthOptions(poses, mountings={"": MOUNTING}, sd_deg=0.4)
+    session = import_recording("generic", [path], tmp_path / "session", clock, options, truth)
+    assert session.manifest.sensors["hand"].truth_sd_deg == 0.4
+    evaluation = analyse(session, analysis("vqf_6d")).evaluation
+    heading = next(b for b in evaluation.uncertainty if b.quantity == "heading")
+    line = next(s for s in heading.sources if s.source.startswith("orientation of"))
+    assert heading.complete and line.contribution_deg == pytest.approx(0.4)
+    for wrong in (0.0, -1.0, 31.0, float("nan")):
+        with pytest.raises(InputError, match="--truth-sd"):
+            TruthOptions(poses, sd_deg=wrong)
 
 
 def test_the_command_line_takes_all_of_it(run, recorded, table, tmp_path, monkeypatch, capsys):

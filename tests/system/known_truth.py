@@ -205,16 +205,21 @@ def actual_flexion(
     return definition.sign * joint_angles(segments[0], segments[1], definition.sequence)[:, 1]
 
 
-def of_one_session(folder: str | Path, stated: bool = True) -> tuple[Session, Evaluation]:
+def of_one_session(
+    folder: str | Path, stated: bool = True, aligned: bool = True
+) -> tuple[Session, Evaluation]:
     """One session of the protocol, and its evaluation.
 
     Args:
         folder: To write it into.
         stated: Whether the manifest states the delays of the gyroscopes.
+        aligned: Whether the frames are aligned in the reference pose, else by their heading.
     """
     file = Path(folder) / "known_truth.yaml"
-    file.write_text(PROTOCOL, encoding="utf-8")
-    session = execute(plan(file), folder, 0, RunOptions(session_name=f"stated_{stated}"))
+    text = PROTOCOL if aligned else PROTOCOL.replace("align: reference_pose", "align: heading")
+    file.write_text(text, encoding="utf-8")
+    name = f"stated_{stated}_aligned_{aligned}"
+    session = execute(plan(file), folder, 0, RunOptions(session_name=name))
     if not stated:
         sensors = {
             name: own.model_copy(update={"rate_delay_s": None, "sampling": None})

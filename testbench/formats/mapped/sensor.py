@@ -162,4 +162,6 @@ def _details(build: Build, convert: Conversion, rate: float) -> dict[str, Any]:
         details["rate_delay_s"] = 1e-3 * build.spec.gyr_delay_ms
     if build.spec.truth is not None and build.spec.truth.world != "z_up":
         details["truth_world"] = build.spec.truth.world
+    if build.spec.truth is not None and build.spec.truth.sd_deg is not None:
+        details |= {"truth_sd_deg": build.spec.truth.sd_deg, "truth_sd_from": "as was stated"}
     return details

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,6 +47,8 @@ from testbench.records.specs.protocol import Analysis
 from testbench.records.specs.robot import load_robot
 from testbench.records.specs.strict import Placement
 
+MOST_UNSURE_DEG = 30.0
+"""What is less sure is no truth [deg]."""
 HIGHEST_OF_TRUTH_HZ = 100_000.0
 """As of samples: no log is faster [Hz]."""
 _POSES = re.compile(
@@ -72,6 +75,8 @@ class TruthOptions:
         time_unit: Of its times, where neither title nor size tell it.
         clusters: Markers of each sensor, or the one body that carries it, in the file of a motion
             capture system; frame or topic of a bag of ROS.
+        sd_deg: Standard uncertainty of its orientations about each axis [deg]; None where nobody
+            says.
         angles: Column of the file by joint, or by joint.angle, with a minus before it where it
             counts the other way.
     """
@@ -89,6 +94,7 @@ class TruthOptions:
     time_unit: str | None = None
     clusters: dict[str, list[str]] = field(default_factory=dict)
     angles: dict[str, str] = field(default_factory=dict)
+    sd_deg: float | None = None
 
     def __post_init__(self) -> None:
         if self.rate is not None and not LOWEST_OF_TRUTH_HZ <= self.rate <= HIGHEST_OF_TRUTH_HZ:
@@ -98,6 +104,11 @@ class TruthOptions:
             )
         if self.offset is not None and not abs(self.offset) * NANOSECONDS <= LATEST_NS:
             raise InputError(f"--truth-offset {self.offset:g}: no log begins so much later")
+        if self.sd_deg is not None and not 0 < self.sd_deg <= MOST_UNSURE_DEG:
+            raise InputError(
+                f"--truth-sd {self.sd_deg:g}: a standard uncertainty is above 0 and at most "
+                f"{MOST_UNSURE_DEG:g} deg"
+            )
         if self.time_unit is not None:
             self.time_unit = find_unit("time", self.time_unit).name
 
@@ -125,13 +136,12 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
     if _holds_angles(recording, options):
         _from_angles(recording, options)
         return
-    if options.offset is not None:
-        for sensor in recording.sensors.values():
-            sensor.details |= {"truth_offset_s": options.offset}
     if options.robot is None:
         _from_orientations(recording, options)
     else:
         _from_robot(recording, options)
+    for sensor in recording.sensors.values():
+        sensor.details |= _stated(options)
     changes = {"align": "motion", "align_clock": options.dwell is None}
     if options.calibration_poses:
         changes["calibrate"] = "static_poses"
@@ -139,6 +149,16 @@ def attach_truth(recording: Recording, options: TruthOptions) -> None:
     recording.analysis = Analysis.model_validate(
         recording.analysis.model_dump() | {"estimate": settings.model_dump()}
     )
+
+
+def _stated(options: TruthOptions) -> dict[str, Any]:
+    """What a person said of the truth, as entries of each sensor in the manifest."""
+    said: dict[str, Any] = {}
+    if options.offset is not None:
+        said |= {"truth_offset_s": options.offset}
+    if options.sd_deg is not None:
+        said |= {"truth_sd_deg": options.sd_deg, "truth_sd_from": "as was stated"}
+    return said
 
 
 def _holds_angles(recording: Recording, options: TruthOptions) -> bool:
@@ -166,6 +186,7 @@ def _from_angles(recording: Recording, options: TruthOptions) -> None:
         "--mounting": bool(options.mountings),
         "--dwell": options.dwell is not None,
         "--move": options.move is not None,
+        "--truth-sd": options.sd_deg is not None,
         "--calibration-poses": bool(options.calibration_poses),
         "--truth-cluster": bool(options.clusters),
     }
@@ -286,6 +307,8 @@ def _from_robot(recording: Recording, options: TruthOptions) -> None:
         sensor.details |= {
             "truth": f"{kinematics.robot.name}, link {link}",
             "truth_world": "z_up",
+            "truth_sd_deg": kinematics.orientation_sd_deg(link, log.q),
+            "truth_sd_from": f"zeros and twists of {kinematics.robot.name}, by its robot file",
         }
     if dwells:
         recording.steps = commanded_steps(

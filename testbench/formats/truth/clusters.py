@@ -41,6 +41,9 @@ class ClusterFit:
         few: Frames with fewer than three markers.
         in_line: Frames whose seen markers are on one line.
         deformed: Frames whose residual is too large.
+        noise_m: Standard deviation of a marker about where the shape has it, along each axis [m].
+        sd_rad: What that makes of the orientation: standard uncertainty about the axis about which
+            the markers tell least, RMS over the frames [rad].
     """
 
     q_world_from_cluster: np.ndarray
@@ -49,6 +52,8 @@ class ClusterFit:
     few: int
     in_line: int
     deformed: int
+    noise_m: float
+    sd_rad: float
 
     @property
     def residual_rms_m(self) -> float:
@@ -91,9 +96,57 @@ def fit_cluster(markers: np.ndarray) -> ClusterFit | None:
     q[~wide | deformed] = np.nan
     centred = shape - np.nanmean(shape, axis=0)
     size = float(np.sqrt(np.nanmean(np.sum(centred**2, axis=1))))
+    used = wide & ~deformed
+    noise = _noise(known[used], residual[used])
     return ClusterFit(
-        q, residual, size, int((~enough).sum()), int((enough & ~wide).sum()), int(deformed.sum())
+        q,
+        residual,
+        size,
+        int((~enough).sum()),
+        int((enough & ~wide).sum()),
+        int(deformed.sum()),
+        noise,
+        noise * _turn_of_noise(shape, known[used]),
     )
+
+
+def _noise(known: np.ndarray, residual: np.ndarray) -> float:
+    """Standard deviation of a marker along each axis [m].
+
+    Of the 3 k coordinates of k markers a frame's pose takes six.
+
+    Args:
+        known: Markers of each frame that were used, shape (n, k).
+        residual: RMS distance of them from the shape, shape (n,) [m].
+    """
+    count = known.sum(axis=1)
+    left = float(np.sum(3 * count - 6))
+    return float(np.sqrt(np.sum(count * residual**2) / left)) if left > 0 else float("nan")
+
+
+def _turn_of_noise(shape: np.ndarray, known: np.ndarray) -> float:
+    """Standard uncertainty of an orientation for one metre of noise [rad/m].
+
+    Noise of markers that is alike along all axes turns a cluster by the covariance J^-1, with J the
+    inertia of its markers about their middle (each of unit mass): the normal matrix of the fit,
+    linearised for small turns.
+
+    Args:
+        shape: Shape (k, 3) [m].
+        known: Markers of each frame that were used, shape (n, k).
+
+    Returns:
+        About the worst axis.
+    """
+    masks, counts = np.unique(known, axis=0, return_counts=True)
+    total = np.zeros((3, 3))
+    for mask, count in zip(masks, counts, strict=True):
+        own = shape[mask] - shape[mask].mean(axis=0)
+        inertia = np.sum(own**2) * np.eye(3) - own.T @ own
+        total += count * np.linalg.inv(inertia)
+    if not len(masks):
+        return float("nan")
+    return float(np.sqrt(np.linalg.eigvalsh(total / counts.sum())[-1]))
 
 
 def _shape(markers: np.ndarray, seen: np.ndarray, enough: np.ndarray) -> np.ndarray:

@@ -106,6 +106,12 @@ def give_truth(
                 "truth": f"{tracked.system}, cluster {', '.join(marks)}",
                 "truth_residual_mm": residual_mm,
             }
+            if np.isfinite(fit.sd_rad):
+                sensor.details |= {
+                    "truth_sd_deg": float(np.degrees(fit.sd_rad)),
+                    "truth_sd_from": f"markers that scatter by {1000 * fit.noise_m:.2g} mm about "
+                    "their shape, and how far they are apart",
+                }
         mounting = mountings.get(name, mountings.get("", Placement()))
         set_truth(recording, name, tracked.time_ns + shift_ns, q, mounting)
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-TAUS = 24
+TAUS = 12
 """Correlation times that are tried."""
 SHORTEST, LONGEST = 1 / 3, 5.0
 """The first of them in median intervals, the last in durations of the whole; one of five durations

@@ -85,6 +85,9 @@ class SensorRecord(_Part):
         truth_offset_s: What a person said is to be added to the truth's times, and was.
         truth_world: Whether the z axis of the truth's world points up ("z_up"), or nobody knows
             where up is in it ("unknown").
+        truth_sd_deg: Standard uncertainty of the truth's orientations about each axis, about the
+            worst one where they differ [deg]; null where nobody knows.
+        truth_sd_from: Where that comes from.
         statistics: What a recorded device counted.
     """
 
@@ -103,6 +106,8 @@ class SensorRecord(_Part):
     truth: str | None = None
     truth_offset_s: float | None = None
     truth_world: Literal["z_up", "unknown"] = "z_up"
+    truth_sd_deg: float | None = Field(default=None, ge=0)
+    truth_sd_from: str | None = None
     statistics: dict[str, Any] = {}
 
 
