@@ -23,6 +23,7 @@ from testbench.cli.options import (
     FiltersOption,
     JsonOption,
     ProtocolArgument,
+    RepeatsOption,
     ReturnedOption,
     RobotOption,
     SequenceOption,
@@ -30,6 +31,7 @@ from testbench.cli.options import (
     SetOption,
     TunedOption,
     analysis_request,
+    beside,
     described_by,
     exit_code,
     optional,
@@ -218,6 +220,7 @@ def evaluate(
     compare: CompareOption = None,
     sequence: SequenceOption = None,
     returned: ReturnedOption = False,
+    repeats: RepeatsOption = None,
     json: JsonOption = False,
 ) -> None:
     """Compare the estimates with the truth and judge them."""
@@ -225,7 +228,8 @@ def evaluate(
 
     opened = _open(session)
     asked = analysis_request(filters, parameters, calibration, tuned)
-    result = judge_again(opened, described_by(asked, compare, sequence, returned))
+    wanted = beside(described_by(asked, compare, sequence, returned), repeats)
+    result = judge_again(opened, wanted)
     if json:
         say_json(result.to_dict())
     else:
@@ -244,6 +248,7 @@ def report(
     compare: CompareOption = None,
     sequence: SequenceOption = None,
     returned: ReturnedOption = False,
+    repeats: RepeatsOption = None,
     json: JsonOption = False,
 ) -> None:
     """Estimate, evaluate and write report.html anew."""
@@ -251,7 +256,8 @@ def report(
 
     opened = _open(session)
     asked = analysis_request(filters, parameters, calibration, tuned)
-    result = analyse(opened, described_by(asked, compare, sequence, returned))
+    wanted = beside(described_by(asked, compare, sequence, returned), repeats)
+    result = analyse(opened, wanted)
     if json:
         say_json(result.to_dict())
     else:

@@ -215,12 +215,12 @@ def flexion_error(
     return flexion, rotation.wrap(flexion - reference)
 
 
-def joint_rows(errors: JointErrors, clock_sd: float) -> list[JointRow]:
+def joint_rows(errors: JointErrors, time_sd: float) -> list[JointRow]:
     """One row for each step, filter and sequence.
 
     Args:
         errors: Of the joint.
-        clock_sd: Standard uncertainty of the proximal sensor's time [s], part of that of a delay.
+        time_sd: Standard uncertainty of the flexion's time [s], part of that of a delay.
     """
     if not errors.steps:
         return []
@@ -249,7 +249,7 @@ def joint_rows(errors: JointErrors, clock_sd: float) -> list[JointRow]:
                     by_step[i],
                     other_mean_abs_error_deg=others[i],
                     **(
-                        _of_sweep(errors, key, rows, clock_sd) | sweeps[step.index]
+                        _of_sweep(errors, key, rows, time_sd) | sweeps[step.index]
                         if step.kind == "sweep"
                         else {"convergence_s": _known(next(settled))}
                     ),
@@ -279,14 +279,14 @@ def _measured_sweeps(errors: JointErrors) -> dict[int, dict[str, float | None]]:
 
 
 def _of_sweep(
-    errors: JointErrors, key: Key, rows: np.ndarray, clock_sd: float
+    errors: JointErrors, key: Key, rows: np.ndarray, time_sd: float
 ) -> dict[str, float | None]:
     """What is said of a filter in sweeps alone."""
     delay = angle_delay(errors.time_ns, errors.flexion[key], errors.reference, [rows])
     return {
         "flexion_correlation": correlation(errors.flexion[key][rows], errors.reference[rows]),
         "latency_ms": None if delay is None else 1e3 * delay[0],
-        "latency_sd_ms": None if delay is None else 1e3 * float(np.hypot(delay[1], clock_sd)),
+        "latency_sd_ms": None if delay is None else 1e3 * float(np.hypot(delay[1], time_sd)),
     }
 
 

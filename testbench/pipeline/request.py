@@ -157,6 +157,11 @@ class AnalysisRequest(Asked):
         description="Whether each sensor ended at rest in the orientation it began in; true also "
         "where the session's settings say so.",
     )
+    repeats: Place | None = Field(
+        default=None,
+        description="Folder with further sessions of the same protocol, whose scatter tells what "
+        "another part, mounting or power-up changes.",
+    )
     report: bool = Field(default=True, description="Whether to write report.html.")
     exports: tuple[ExportRequest, ...] = Field(
         default=(),

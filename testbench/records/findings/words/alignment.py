@@ -179,6 +179,14 @@ TEMPLATES = {
         "lost or repeated, or a clock jumped; {lost_s:.1f} s of it that do not fit the rest were "
         "left out",
     ),
+    "truth.parts": Template(
+        WARNING,
+        "from {begin_s:.1f} s to {end_s:.1f} s truth and gyroscope part by {angle_deg:.0f} deg, "
+        "while they turn alike elsewhere",
+        "a body slipped under its markers, the reference drifted, or the gyroscope was clipped or "
+        "disturbed: what is judged from there on holds it, and nobody knows of which",
+        "leave the stretch out by the key exclude of the mapping, or cut the file there",
+    ),
     "truth.aligned_apart": Template(
         WARNING,
         "{apart_s:.1f} s of the truth that do not fit the rest, from {at_s:.2f} s on, last and "

@@ -9,14 +9,30 @@ TEMPLATES = {
     "plan.reference": Template(WARNING, "{text}"),
     "run.incomplete": Template(WARNING, "{how}: {message}"),
     "run.resumed": Template(NOTE, "this session {goes_on}"),
+    "repeats.left_out": Template(
+        NOTE,
+        "the session {session} does not count among the repetitions: {why}",
+    ),
+    "repeats.one_part": Template(
+        NOTE,
+        "all repetitions are of one part ({part})",
+        "their scatter does not hold what another part would change",
+    ),
     "judged.no_step": Template(
         WARNING, "no step of the protocol was finished, so there is nothing to judge"
     ),
     "judged.unmeasured": Template(WARNING, "{metric} by {filter} has a limit but was not measured"),
     "judged.no_uncertainty": Template(
         WARNING,
-        "{metric} by {filter}{section} is marginal and cannot pass, for the uncertainty of the "
-        "truth is not known: {why}",
+        "{metric} by {filter}{section} is marginal and cannot pass, for its uncertainty is not "
+        "known: {why}",
+    ),
+    "judged.delay_unstated": Template(
+        NOTE,
+        "nobody states how much older than its stamp a rate is; half an interval is taken",
+        "its clock, fitted to the rates, may be off by {half_ms:.3g} ms; every U and the "
+        "uncertainty of every delay hold that",
+        "state the delay with its low pass: `gyr_delay_ms` of a sensor in a mapping",
     ),
     "judged.filter_left_out": Template(NOTE, "{filter} was left out: {why}"),
     "judged.samples_left_out": Template(WARNING, "{count} samples left out: {reason}"),
