@@ -65,7 +65,7 @@ def test_a_gyroscope_that_is_cut_off_in_its_turns_is_told(turned, limit_deg_s, d
     assert np.abs(gyr).max() > limit
     samples = sampled(t, np.clip(gyr, -limit, limit).round(digits), acc)
     (told,) = clipped_triads(samples, Doubts.none(len(t)), still(t)).values()
-    found = float(re.match(r"the gyroscope is clipped \(x at ([\d.]+) deg/s", told)[1])
+    found = float(re.match(r"the gyroscope is clipped \(x at ([\d.]+) deg/s", told.sentence)[1])
     assert found == pytest.approx(limit_deg_s, abs=np.degrees(10.0**-digits))
 
 
@@ -77,7 +77,7 @@ def test_an_accelerometer_is_looked_at_in_its_rests_alone(turned):
     assert not clipped_triads(sampled(t, gyr, jolted), Doubts.none(len(t)), still(t))
     cut[:, 0] = np.minimum(cut[:, 0], 7.0)
     (told,) = clipped_triads(sampled(t, gyr, cut), Doubts.none(len(t)), still(t)).values()
-    assert told.startswith("the accelerometer is clipped (x at 7 m/s^2)")
+    assert told.sentence.startswith("the accelerometer is clipped (x at 7 m/s^2)")
 
 
 def test_one_axis_that_is_cut_off_to_one_side_is_named(turned):
@@ -115,7 +115,7 @@ def test_readings_that_the_sensor_marks_are_enough(turned):
     doubts.add(SATURATED, np.array([100, 101]), "gyr")
     assert not clipped_triads(sampled(t, gyr, acc), doubts, still(t))
     doubts.add(SATURATED, np.array([300]), "gyr")
-    said = clipped_triads(sampled(t, gyr, acc), doubts, still(t))["gyr"]
+    said = clipped_triads(sampled(t, gyr, acc), doubts, still(t))["gyr"].sentence
     assert "3 readings at full scale" in said
 
 
@@ -148,7 +148,8 @@ def test_a_session_of_it_is_not_calibrated(turned, tmp_path, clock, limit):
             calibrate(session, "imu", methods)
         others = calibrate(session, "imu")
         assert list(others.calibration.triads) == ["accelerometer"]
-        assert any("the gyroscope is clipped" in said for said in others.remarks)
+        said = [own for own in others.calibration.findings if own.code == "calibration.clipped"]
+        assert [own.values["triad"] for own in said] == ["gyroscope"]
     else:
         found = calibrate(session, "imu", methods).calibration.triads["gyroscope"]
         np.testing.assert_allclose(np.diag(found.matrix), 1.0, atol=0.01)
