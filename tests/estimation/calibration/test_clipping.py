@@ -10,7 +10,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.consistency.doubtful import SATURATED, Doubts
-from testbench.estimation.calibration.clipping import clipped_triads, plateaus
+from testbench.estimation.calibration.clipping import (
+    clipped_in_motion,
+    clipped_triads,
+    plateaus,
+)
+from testbench.estimation.calibration.pile_up import cut_off_at
 from testbench.estimation.calibration.session_calibration import calibrate, missed_gravity
 from testbench.exceptions import InputError
 from testbench.formats import import_recording
@@ -153,3 +158,38 @@ def test_a_session_of_it_is_not_calibrated(turned, tmp_path, clock, limit):
     else:
         found = calibrate(session, "imu", methods).calibration.triads["gyroscope"]
         np.testing.assert_allclose(np.diag(found.matrix), 1.0, atol=0.01)
+
+
+def bells(count: float, limit: float = np.inf, noise: float = 1.0) -> list[np.ndarray]:
+    """Ten rests of 200 readings in counts, the highest about 50, cut off at a limit."""
+    rng = np.random.default_rng(8)
+    means = np.linspace(-40.0, 50.3, 10)
+    readings = means[:, None] + noise * rng.standard_normal((10, 200))
+    return list(np.minimum(np.round(readings / count) * count, limit))
+
+
+@pytest.mark.parametrize("count", [1e-3, 0.1, 0.5, 1.0])
+@pytest.mark.parametrize("sigmas", [-8.0, -1.0, 0.5, 1.0])
+def test_the_noise_of_a_rest_shows_where_it_is_cut_off(count, sigmas):
+    limit = round((50.3 + sigmas) / count) * count
+    assert cut_off_at(bells(count, limit)) == pytest.approx(limit)
+
+
+@pytest.mark.parametrize("count", [1e-6, 0.1, 0.5, 1.0, 3.0, 10.0])
+def test_the_noise_of_a_rest_that_is_not_cut_off_is_whole(count):
+    for noise in (1.0, 0.3):
+        assert cut_off_at(bells(count, noise=noise)) is None
+
+
+def test_a_motion_that_is_cut_off_on_the_way_is_named_and_no_reason_to_refuse(turned):
+    t, gyr, acc = turned
+    moving = ~still(t)
+    largest = float(acc[~moving].max())
+    jolted = acc.copy()
+    jolted[moving] *= 1.0 + 0.4 * np.sin(20 * t[moving])[:, None] ** 2
+    samples = sampled(t, gyr, jolted.round(4))
+    assert not clipped_in_motion(samples, still(t))
+    cut = sampled(t, gyr, np.minimum(jolted, largest + 0.5).round(4))
+    (told,) = clipped_in_motion(cut, still(t))
+    assert told.code == "calibration.clipped_moving" and told.values["triad"] == "accelerometer"
+    assert not clipped_triads(cut, Doubts.none(len(t)), still(t))
