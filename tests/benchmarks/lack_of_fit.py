@@ -57,7 +57,7 @@ def bench_clean(count: int) -> bool:
         error = float(np.std(squares)) / np.sqrt(len(squares))
         rows.append([Text(triad), f"{silent:.1f}", f"{mean:.2f} ± {error:.2f}"])
     show(
-        f"Complete models: {count} parts on an arm with wrong joint zeros",
+        f"Complete models: {count} parts on an arm with wrong zeros and twists",
         ["triad", "parts without a warning [%]", "chi-square over parameters"],
         rows,
         f"target: 95 %, {SQUARES[0]} to {SQUARES[1]}",

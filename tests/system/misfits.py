@@ -91,7 +91,7 @@ QUANTITIES = {"accelerometer": "acc", "gyroscope": "gyr", "magnetometer": "mag"}
 
 
 def clean(seed: int) -> dict[str, Any]:
-    """A part with nothing but what the models have, on an arm with wrong joint zeros: codes of the
+    """A part with nothing but what the models have, on an arm with wrong links: codes of the
     warnings, and chi-square over the number of parameters, by triad.
     """
     with session("clean", 0.0, seed) as recorded:
@@ -140,7 +140,11 @@ def plan_of(kind: str, size: float) -> Plan:
     """The plan of a part with a lack of some size, the arm's own magnetism left out."""
     shipped = shipped_folder("protocols") / "calibration_optimal.yaml"
     content = yaml.safe_load(shipped.read_text(encoding="utf-8"))
-    environment: dict[str, Any] = {"joint_errors": True, "arm_magnetism": False}
+    environment: dict[str, Any] = {
+        "joint_errors": True,
+        "link_errors": True,
+        "arm_magnetism": False,
+    }
     accelerometer: dict[str, Any] = {}
     if kind.startswith("warming"):
         environment |= {"warm_up_deg_c": size, "warm_up_time_s": WARMING_S}

@@ -1,10 +1,10 @@
-"""What the arm's own joints add to the uncertainty of a calibration by the arm.
+"""What the arm's own joints and links add to the uncertainty of a calibration by the arm.
 
-The zero of each joint is known to the robot file's `joint_angle_deg` and its error lasts all
-session: all poses share it, and no residual shows it. The calibration is made anew with each
-joint's zero off by its standard uncertainty, u_j; the change d_j of the parameters adds d_j d_j' to
-their covariance (JCGM 100:2008, 5.1.3 and 5.1.4 with a numeric derivative). Methods that take the
-zeros for further unknowns (`Method.counts_shared`) hold that part already.
+Zeros of joints and twists of links are known to what the robot file states, and their errors last
+all session: all poses share them. The calibration is made anew with each of them off by its
+standard uncertainty, u_j; the change d_j of the parameters adds d_j d_j' to their covariance
+(JCGM 100:2008, 5.1.3 and 5.1.4 with a numeric derivative). Methods that take them for further
+unknowns (`Method.counts_shared`) hold that part already.
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ def with_arm_uncertainty(
         result[name] = replace(found, fits=fits)
     angle = np.degrees(np.sqrt(turned))
     remark = (
-        "the uncertainties hold those of the arm's joints as the robot file states them, which all "
-        "poses share; they turn the "
+        "the uncertainties hold those of the arm's joints and links as the robot file states them, "
+        "which all poses share; they turn the "
         f"{next(iter(concerned))}'s axes by {angle:.3f} deg (standard uncertainty)"
     )
     return result, [remark], left

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, chdtri
 
 from testbench.estimation.calibration.arm_uncertainty import residual_change
 from testbench.estimation.calibration.attitude_aided import attitude_aided, sharpened
@@ -32,11 +32,15 @@ from testbench.estimation.calibration.turns import GyroscopeRecording
 from testbench.estimation.calibration.warming import Function
 from testbench.frames import NANOSECONDS
 from testbench.model.statistics.least_squares import PoorExcitation
+from testbench.model.statistics.linear import SURPRISING as BIRGE_BEYOND
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.fit import Fit
 from testbench.records.session.session import Session
 
+BIRGE_FROM = 1 - BIRGE_BEYOND
+"""Chance of residuals from which on Birge's ratio widens."""
 LEAST_RATIO = 1.2
 """Residuals of a gyroscope below so many times its noise are not remarked, however sure its
 hundreds of chunks make them: Birge's ratio holds them, and is no more."""
@@ -182,28 +186,44 @@ def with_rate_nonlinearity(
     return replace(found, fits=fits), left
 
 
-def gyroscope_findings(found: TriadCalibration, known: list[np.ndarray]) -> list[Finding]:
-    """What is said of the residuals of a gyroscope whose noise is known.
+def examined_gyroscope(
+    found: TriadCalibration, bare: Fit, known: list[np.ndarray]
+) -> tuple[TriadCalibration, list[Finding]]:
+    """A gyroscope whose noise is known, its covariance no wider than its residuals ask, and what
+    is said of these.
 
-    Errors of known size, such as the zeros of the arm's joints, may be in them: the test is that of
-    the residuals with the likeliest sizes of these (generalised least squares).
+    Errors of known size, such as the zeros of the arm's joints, may be in the residuals, and are in
+    the covariance already: Birge's ratio is that of the residuals with the likeliest sizes of these
+    (generalised least squares).
 
     Args:
-        found: The gyroscope.
+        found: The gyroscope, what such errors do to its parameters in its covariance.
+        bare: Its fit without that, widened by all of its residuals.
         known: What each such error changes of the residuals, off by its standard uncertainty, shape
             (n,) each.
     """
-    if not found.fits or found.fits[0].residual_unit != "standard deviations":
-        return []
-    left = found.fits[0].residuals
+    if bare.residual_unit != "standard deviations":
+        return found, []
+    left = bare.residuals
+    all_squares, dof = float(left @ left), left.size - len(bare.names)
+    squares = all_squares
     if known:
         changes = np.column_stack(known)
         inner = np.eye(len(known)) + changes.T @ changes
-        squares = float(left @ left - left @ changes @ np.linalg.solve(inner, changes.T @ left))
-    else:
-        squares = float(left @ left)
-    dof = left.size - len(found.fits[0].names)
-    ratio = float(np.sqrt(squares / dof)) if dof > 0 else 0.0
+        squares -= float(left @ changes @ np.linalg.solve(inner, changes.T @ left))
+    if dof < 1:
+        return found, []
+    surprising = squares > chdtri(dof, BIRGE_FROM)
+    if np.isfinite(bare.dof) and found.reference is None:
+        share = (squares / dof if surprising else 1.0) / (all_squares / dof)
+        fit = found.fits[0]
+        narrowed = replace(
+            fit,
+            covariance=fit.covariance - (1 - share) * bare.covariance,
+            dof=bare.dof if surprising else float("inf"),
+        )
+        found = replace(found, fits=(narrowed, *found.fits[1:]))
+    ratio = float(np.sqrt(squares / dof))
     if ratio < LEAST_RATIO or chdtrc(dof, squares) >= SURPRISING:
-        return []
-    return [finding("calibration.gyroscope", "gyroscope", ratio=ratio, dof=dof)]
+        return found, []
+    return found, [finding("calibration.gyroscope", "gyroscope", ratio=ratio, dof=dof)]

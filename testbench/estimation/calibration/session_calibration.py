@@ -8,13 +8,14 @@ from functools import partial
 
 import numpy as np
 
+from testbench.estimation.calibration.arm_errors import shifted_truths
 from testbench.estimation.calibration.arm_uncertainty import with_arm_uncertainty
 from testbench.estimation.calibration.axis_model import orthogonality
 from testbench.estimation.calibration.examined import (
     examined_accelerometer,
+    examined_gyroscope,
     examined_magnetometer,
     gyroscope_cubic,
-    gyroscope_findings,
     with_rate_nonlinearity,
 )
 from testbench.estimation.calibration.force_scale import (
@@ -25,7 +26,6 @@ from testbench.estimation.calibration.force_scale import (
 )
 from testbench.estimation.calibration.gyroscope import IN_RUN, static_bias, validated
 from testbench.estimation.calibration.gyroscope_trend import bias_trend, widened_by_trend
-from testbench.estimation.calibration.joint_zeros import shifted_truths
 from testbench.estimation.calibration.methods import (
     METHODS,
     Calibrated,
@@ -47,6 +47,7 @@ from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.calibration_file import SensorCalibration
 from testbench.records.results.calibration_result import CalibrationResult
+from testbench.records.results.fit import Fit
 from testbench.records.session.session import Session
 
 MISSED_DEG = 5.0
@@ -140,6 +141,7 @@ def calibrate(
         triads["accelerometer"] = accelerometer
     remarks += _orthogonality(prepared.poses)
     gyroscope: TriadCalibration | None = None
+    bare: Fit | None = None
     left: list[np.ndarray] = []
     if prepared.has_gyroscope:
         trend = bias_trend(prepared.gyroscope_recording(accelerometer))
@@ -149,6 +151,7 @@ def calibrate(
             prepared, others, accelerometer, chosen.get("gyroscope"), not methods, told, turn_angle
         )
         if gyroscope is not None:
+            bare = gyroscope.fits[0]
             recording = prepared.gyroscope_recording(accelerometer)
             gyroscope, left = with_rate_nonlinearity(
                 gyroscope, recording, gyroscope_cubic(session, sensor), function
@@ -172,8 +175,9 @@ def calibrate(
         triads, added, by_zeros = with_arm_uncertainty(prepared, triads, field)
         remarks += added
         left += by_zeros
-    if gyroscope is not None:
-        told.findings.extend(gyroscope_findings(gyroscope, left))
+    if bare is not None:
+        triads["gyroscope"], said = examined_gyroscope(triads["gyroscope"], bare, left)
+        told.findings.extend(said)
     triads, mounting, odd = take_mounting_out(triads, keep_small="mounting" not in chosen)
     remarks += odd
     if "mounting" in chosen and mounting is not None:

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from testbench.estimation.calibration.attitude_aided import attitude_aided
 from testbench.estimation.calibration.ellipsoid import ellipsoid
-from testbench.estimation.calibration.examined import examined_magnetometer, gyroscope_findings
+from testbench.estimation.calibration.examined import examined_gyroscope, examined_magnetometer
 from testbench.estimation.calibration.force_scale import with_force_scale
 from testbench.estimation.calibration.gyroscope_trend import bias_trend
 from testbench.estimation.calibration.lack_of_fit import (
@@ -26,6 +26,7 @@ from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest
 from testbench.model.statistics.added_terms import with_terms
+from testbench.model.statistics.linear import widened_by_misfit
 from testbench.records.findings.finding import Severity
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.evidence import Evidence
@@ -213,16 +214,16 @@ def test_a_gyroscope_that_drifts_at_its_rests_has_a_trend():
 
 def test_residuals_of_a_gyroscope_that_known_errors_explain_are_not_remarked():
     rng = np.random.default_rng(2)
-    zero = rng.standard_normal(200)
-    fit = Fit(
-        ("a",),
-        ("1",),
-        np.ones(1),
-        np.eye(1),
-        residuals=2 * zero,
-        residual_unit="standard deviations",
-    )
-    found = TriadCalibration("attitude", fits=(fit,))
-    (said,) = gyroscope_findings(found, [])
+    zero, unit = rng.standard_normal(200), "standard deviations"
+    fit = Fit(("a",), ("1",), np.ones(1), np.eye(1), residuals=2 * zero, residual_unit=unit)
+    bare = widened_by_misfit(fit)
+    assert bare.covariance[0, 0] == pytest.approx(4, rel=0.2)
+    with_zero = replace(bare, covariance=bare.covariance + 0.5)
+    found = TriadCalibration("attitude", fits=(with_zero,))
+    same, (said,) = examined_gyroscope(found, bare, [])
     assert said.values["ratio"] == pytest.approx(2, rel=0.15)
-    assert not gyroscope_findings(found, [zero])
+    np.testing.assert_allclose(same.fits[0].covariance, with_zero.covariance)
+    explained, said = examined_gyroscope(found, bare, [zero])
+    assert not said
+    np.testing.assert_allclose(explained.fits[0].covariance, [[1.5]])
+    assert np.isinf(explained.fits[0].dof)

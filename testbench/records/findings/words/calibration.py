@@ -103,6 +103,7 @@ TEMPLATES = {
         "freedom)",
         "something is not in the model; the stated uncertainties were widened by that factor "
         "(Birge's ratio)",
-        "look whether its rates are of another time than the truth's",
+        "look whether its rates are of another time than the truth's, or cut off at the end of "
+        "their range",
     ),
 }
