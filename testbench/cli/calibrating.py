@@ -115,6 +115,8 @@ def calibrate(
 
 def _say_calibration_json(made: MadeCalibration) -> None:
     """What was written, which methods made it, and how far it holds on poses held out."""
+    from dataclasses import asdict
+
     result = made.result
     triads = {
         triad: {
@@ -131,6 +133,10 @@ def _say_calibration_json(made: MadeCalibration) -> None:
             "sensor": result.calibration.sensor,
             "triads": triads,
             "remarks": result.remarks,
+            "findings": [
+                asdict(own) | {"severity": own.severity.value}
+                for own in result.calibration.findings
+            ],
         }
     )
 
@@ -174,6 +180,8 @@ def _say_calibration(made: MadeCalibration) -> None:
             say(f"note: {triad} by {found.method}: {remark}")
     for remark in result.remarks:
         say(f"note: {remark}")
+    for own in result.calibration.findings:
+        say(f"{own.severity.value}: {own}")
     say(f"calibration: {made.file}")
     if made.report:
         say(f"report:      {made.report}")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from testbench.records.session.plan import Plan
 
 from testbench.cli.narrow import NOTHING, fit
-from testbench.records.results.numbers import show_number
+from testbench.records.results.numbers import decimals_by, show_number
 
 COLOURS = {"pass": "green", "marginal": "yellow", "fail": "red", "not measured": "magenta"}
 
@@ -504,7 +504,7 @@ def say_noise(rows: list[NoiseRow]) -> None:
             n.mean,
             _significant(n.sd),
             n.unit,
-            _significant(n.noise_density),
+            _by_uncertainty(n.noise_density, n.noise_density_sd),
             n.noise_density_unit,
         ]
         for n in rows
@@ -512,12 +512,24 @@ def say_noise(rows: list[NoiseRow]) -> None:
     if any(n.bias_instability is not None for n in rows):  # else the rest was too short for any
         columns += ["bias instability", "unit"]
         for row, n in zip(shown, rows, strict=True):
-            row += [_significant(n.bias_instability), n.bias_instability_unit]
+            row += [
+                _by_uncertainty(n.bias_instability, n.bias_instability_sd),
+                n.bias_instability_unit,
+            ]
     if any(n.noise_bandwidth_hz is not None for n in rows):
         columns.append("low pass [Hz]")
         for row, n in zip(shown, rows, strict=True):
-            row.append(_significant(n.noise_bandwidth_hz))
+            bandwidth = n.noise_bandwidth_hz
+            row.append(None if bandwidth is None else f"{bandwidth:#.2g}".rstrip("."))
     say_table("At rest; noise densities are one-sided", columns, shown)
+
+
+def _by_uncertainty(value: float | None, sd: float | None) -> str | None:
+    """A value and its standard uncertainty, to two digits of that."""
+    decimals = decimals_by(sd)
+    if value is None or sd is None or decimals is None:
+        return _significant(value)
+    return f"{value:.{decimals}f} ± {sd:.{decimals}f}"
 
 
 def _significant(value: float | None) -> str | None:

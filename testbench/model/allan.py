@@ -8,7 +8,7 @@ N^2/tau + B^2 2 ln 2/pi + K^2 tau/3 (IEEE Std 952-1997, annex C).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -21,10 +21,20 @@ by chance once in 600 (Wilks, Ann. Math. Stat. 9, 1938)."""
 LONGEST_LOW_PASS_S = 1.0
 """Slower ones than 0.16 Hz are no low pass of a sensor, but a wandering bias [s]."""
 LOW_PASSES_PER_DECADE = 25
+GAIN_OF_ORDER = 6.0
+"""And one of another order than the first by so much more: three others are tried, which one of
+them does by chance once in 25."""
+COARSE = 3
+"""One of so many time constants is tried first."""
 FEWEST_FOR_LOW_PASS = 10
 """Averaging times from which on the beginning of a curve has a shape."""
-DIFFERENCE = 1e-4
-"""Relative step of a numerical derivative [1]."""
+ORDERS = (1, 2, 4, 0)
+"""Of the low passes that are tried: an RC, the filters on chips, a sharp one, and a mean."""
+HALF_POWER_OF_MEAN = 2 * np.pi * 0.44295
+"""Length of a mean in time constants: sinc(f T)^2 is 1/2 at f T = 0.44295."""
+DIFFERENCE = 1.05
+"""Factor of a time constant by which its derivative is taken: where samples are counted, as in a
+mean, a smaller one may change nothing."""
 FEWEST_DIFFERENCES = 8
 """Averaging times with fewer independent spans than this in the record are left out."""
 
@@ -151,14 +161,15 @@ def _mean_square_of_second_differences(phase: np.ndarray, m: int) -> float:
 def fit_noise(curve: AllanCurve) -> NoiseCoefficients:
     """Noise coefficients of an Allan curve, with their standard uncertainties; none is negative.
 
-    The white noise may have gone through a first-order low pass, which leaves the beginning of the
-    curve flat; that is taken where the curve fits clearly better with one.
+    The white noise may have gone through a low pass, which bends the beginning of the curve; that
+    is taken where the curve fits clearly better with one. Its shape is a Butterworth filter's of
+    some order, or that of a mean over an interval, whichever fits best.
     """
-    best = _fitted(curve, 0.0)
-    for time_constant in _time_constants(curve):
-        found = _fitted(curve, time_constant)
-        gain = LEAST_GAIN if best.time_constant == 0 else 0.0
-        best = found if found.misfit < best.misfit - gain else best
+    best = _fitted(curve, LowPass(0.0))
+    if best.misfit > LEAST_GAIN:  # else there is not so much to gain
+        found = [own for order in ORDERS if (own := _best_low_pass(curve, order)) is not None]
+        passed = min(found, key=_with_order, default=best)
+        best = passed if passed.misfit < best.misfit - LEAST_GAIN else best
     values = np.sqrt(best.solution[1:])
     sds = np.sqrt(np.diag(best.covariance(curve))[1:4])
     # sd of a root: sd / (2 root), or the root of the sd where the value itself is nil
@@ -167,26 +178,83 @@ def fit_noise(curve: AllanCurve) -> NoiseCoefficients:
         for value, sd in zip(values, sds, strict=True)
     ]
     white, flicker, walk = (Coefficient(float(v), sd) for v, sd in zip(values, roots, strict=True))
-    passed = best.time_constant > 0 and white.found
-    bandwidth = 1 / (2 * np.pi * best.time_constant) if passed else None
+    constant = best.low_pass.time_constant
+    bandwidth = 1 / (2 * np.pi * constant) if constant > 0 and white.found else None
     return NoiseCoefficients(white, flicker, walk, bandwidth)
+
+
+def _with_order(own: _Fitted) -> float:
+    """The misfit by which orders are compared: another than the first must show clearly."""
+    return own.misfit + (0.0 if own.low_pass.order == 1 else GAIN_OF_ORDER)
+
+
+def _best_low_pass(curve: AllanCurve, order: int) -> _Fitted | None:
+    """The fit with the best low pass of an order; None where the curve is too short for any.
+
+    Every third time constant is tried, and those beside the best of them.
+    """
+    constants = _time_constants(curve)
+    if not len(constants):
+        return None
+    coarse = range(0, len(constants), COARSE)
+    fits = {i: _fitted(curve, LowPass(float(constants[i]), order)) for i in coarse}
+    least = min(fits, key=lambda i: fits[i].misfit)
+    beside = range(max(least - COARSE + 1, 0), min(least + COARSE, len(constants)))
+    fits |= {i: _fitted(curve, LowPass(float(constants[i]), order)) for i in beside}
+    return min(fits.values(), key=lambda own: own.misfit)
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """A low pass of a sensor.
+
+    Attributes:
+        time_constant: 1 / (2 pi f) of the frequency f at which the power is half [s]; 0 for none.
+        order: Of a Butterworth filter; 0 for a mean over an interval, as of samples that are
+            decimated.
+    """
+
+    time_constant: float
+    order: int = 1
+
+    @property
+    def lasts(self) -> float:
+        """How long noise behind it remembers [s]."""
+        return (HALF_POWER_OF_MEAN if self.order == 0 else 12.0 * self.order) * self.time_constant
+
+    def autocovariance(self, lag: np.ndarray) -> np.ndarray:
+        """Of white noise behind it, 1 at lag 0.
+
+        For Butterworth filters the Fourier transform of 1 / (1 + (w T)^2n) by its residues at the
+        poles p above the real axis, -i pi / n sum p exp(i p t); of a mean a triangle.
+
+        Args:
+            lag: Times, shape (k,), none below 0 [s].
+        """
+        t = np.asarray(lag) / self.time_constant
+        if self.order == 0:
+            return np.asarray(np.maximum(1 - t / HALF_POWER_OF_MEAN, 0.0))
+        n = self.order
+        poles = np.exp(1j * np.pi * (2 * np.arange(1, n + 1) - 1) / (2 * n))
+        value = (-1j * (np.exp(1j * np.multiply.outer(t, poles)) @ poles)).real
+        return np.asarray(value / (-1j * poles.sum()).real)
 
 
 @dataclass(frozen=True)
 class _Fitted:
     """The squares of Q, N, B and K for one low pass, and minus twice their log-likelihood."""
 
-    time_constant: float
+    low_pass: LowPass
     solution: np.ndarray
     misfit: float
 
     def covariance(self, curve: AllanCurve) -> np.ndarray:
         """Of the squares, and of the logarithm of the time constant where there is a low pass."""
-        design = _design(curve, self.time_constant)
+        design = _design(curve, self.low_pass)
         expected = np.clip(design @ self.solution, curve.deviation**2 / 2, curve.deviation**2 * 2)
-        if self.time_constant > 0:
-            moved = _design(curve, self.time_constant * (1 + DIFFERENCE))
-            slope = (moved - design) @ self.solution / DIFFERENCE
+        if self.low_pass.time_constant > 0:
+            other = replace(self.low_pass, time_constant=self.low_pass.time_constant * DIFFERENCE)
+            slope = (_design(curve, other) - design) @ self.solution / (DIFFERENCE - 1)
             design = np.column_stack([design, slope])
         weighted = design * (np.sqrt(curve.edf / 2) / expected)[:, None]
         size = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
@@ -194,8 +262,8 @@ class _Fitted:
         return np.asarray(inverse / np.outer(size, size) * _shared(curve))
 
 
-def _fitted(curve: AllanCurve, time_constant: float) -> _Fitted:
-    design, variance = _design(curve, time_constant), curve.deviation**2
+def _fitted(curve: AllanCurve, low_pass: LowPass) -> _Fitted:
+    design, variance = _design(curve, low_pass), curve.deviation**2
     expected, solution = variance, np.zeros(4)
     for _ in range(
         3
@@ -206,38 +274,42 @@ def _fitted(curve: AllanCurve, time_constant: float) -> _Fitted:
         expected = np.clip(design @ solution, variance / 2, variance * 2)
     ratio = variance / np.maximum(design @ solution, 1e-300)
     misfit = float(np.sum(curve.edf * (ratio - np.log(ratio) - 1))) / _shared(curve)
-    return _Fitted(time_constant, solution, misfit)
+    return _Fitted(low_pass, solution, misfit)
 
 
-def _design(curve: AllanCurve, time_constant: float) -> np.ndarray:
+def _design(curve: AllanCurve, low_pass: LowPass) -> np.ndarray:
     """Allan variance of unit coefficients, shape (k, 4)."""
     tau = curve.tau
-    white = 1 / tau * _through_low_pass(tau, float(tau[0]), time_constant)
+    white = 1 / tau * _through_low_pass(tau, float(tau[0]), low_pass)
     return np.column_stack([3 / tau**2, white, np.full(len(tau), FLICKER), tau / 3])
 
 
-def _through_low_pass(tau: np.ndarray, interval: float, time_constant: float) -> np.ndarray:
+def _through_low_pass(tau: np.ndarray, interval: float, low_pass: LowPass) -> np.ndarray:
     """Allan variance of white noise behind a low pass, as part of that without it.
 
-    White noise through a first-order low pass is an autoregressive process when it is sampled, of
-    factor f = exp(-interval / time_constant). The sum over m of its samples has the variance
-    V(m) = m (1 - f^2) - 2 f (1 - f^m), up to a factor, and the mean over two neighbouring ones the
-    Allan variance (4 V(m) - V(2 m)) / (2 m^2). What the sampling folds back is part of it.
+    Samples of autocovariance r_k, k intervals apart, have sums over m of the variance V(m) = m r_0
+    + 2 sum_k (m - k) r_k, and the mean over two neighbouring sums the Allan variance (4 V(m) - V(2
+    m)) / (2 m^2). Long averages see the density at 0 Hz, V(m) / m, with all that the sampling folds
+    back, and that is 1 here.
 
     Args:
         tau: Averaging times, shape (k,) [s].
         interval: Between samples [s].
-        time_constant: Of the low pass [s]; 0 for none.
+        low_pass: That the noise went through.
     """
-    if time_constant <= 0:
+    if low_pass.time_constant <= 0:
         return np.ones(len(tau))
-    f = np.exp(-interval / time_constant)
-    m = tau / interval
+    m = np.round(tau / interval).astype(int)
+    lasts = max(int(np.ceil(low_pass.lasts / interval)), 1)
+    lags = np.arange(1, min(lasts, int(2 * m[-1])) + 1)
+    r = low_pass.autocovariance(lags * interval)
+    sums, moments = (np.concatenate([[0.0], np.cumsum(part)]) for part in (r, lags * r))
 
     def spread(count: np.ndarray) -> np.ndarray:
-        return np.asarray(count * (1 - f * f) - 2 * f * (1 - f**count))
+        within = np.minimum(count - 1, len(lags))
+        return np.asarray(count * (1 + 2 * sums[within]) - 2 * moments[within])
 
-    return np.asarray((4 * spread(m) - spread(2 * m)) / (2 * m * (1 - f * f)))
+    return np.asarray((4 * spread(m) - spread(2 * m)) / (2 * m * (1 + 2 * sums[-1])))
 
 
 def _time_constants(curve: AllanCurve) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from testbench.clock import utc_shown
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.disk.replacing import stored, write_text
+from testbench.records.findings.finding import Severity
 from testbench.records.results.calibration import MountingCalibration, TriadCalibration
 from testbench.records.results.calibration_result import CalibrationResult
 from testbench.records.results.fit import Fit
@@ -29,6 +30,7 @@ from testbench.reporting.page.tables import (
     to_uncertainty,
     unit_words,
 )
+from testbench.reporting.sections.findings import finding_sentences
 
 MILLI_G = 1e3 / STANDARD_GRAVITY
 MOST_CORRELATED = 40
@@ -61,7 +63,7 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
         ("Rests by", result.segmentation),
         ("Software", calibration.software),
     ]
-    sections = [_held_out(result)]
+    sections = [_model(result), _held_out(result)]
     sections += [_triad(triad, found) for triad, found in calibration.triads.items()]
     if calibration.mounting is not None:
         sections.append(_mounting(calibration.mounting))
@@ -167,6 +169,21 @@ def _held_out(result: CalibrationResult) -> Section:
         )
     section.blocks += _beside_published(result)
     section.blocks += [Sentence(_sentence(remark)) for remark in result.remarks]
+    return section
+
+
+def _model(result: CalibrationResult) -> Section:
+    """Where the calibration's model ends: warnings first."""
+    found = sorted(result.calibration.findings, key=lambda own: own.severity != Severity.WARNING)
+    section = Section("model", "Where its model ends")
+    if not any(own.severity == Severity.WARNING for own in found):
+        section.blocks.append(
+            Sentence(
+                "Nothing in the residuals speaks against the model: they are no larger than their "
+                "noise, and go neither with time nor with temperature, force or direction."
+            )
+        )
+    section.blocks += finding_sentences(found)
     return section
 
 

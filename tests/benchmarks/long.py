@@ -12,6 +12,7 @@ from tests.benchmarks.crashes import bench_crashes
 from tests.benchmarks.faults import bench_faults
 from tests.benchmarks.intervals import bench_intervals
 from tests.benchmarks.joints_of_people import bench_joints
+from tests.benchmarks.lack_of_fit import bench_lack_of_fit
 from tests.benchmarks.lasting_errors import bench_lasting_errors
 from tests.benchmarks.mutated_imports import bench_mutated_imports
 from tests.benchmarks.mutations import bench_mutations
@@ -24,6 +25,7 @@ CAMPAIGNS: list[Callable[[], bool]] = [
     bench_crashes,
     bench_faults,
     bench_joints,
+    bench_lack_of_fit,
     bench_lasting_errors,
     bench_mutations,
     bench_mutated_imports,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 
 from testbench.model.allan import allan_deviation, fit_noise
 
@@ -92,6 +92,26 @@ def test_noise_behind_a_low_pass_has_its_density_and_no_bias_instability(cut_off
         bandwidth.append(found.bandwidth_hz)
     assert np.sqrt(np.mean(np.square(density))) < 1.8
     assert np.median(bandwidth) == pytest.approx(cut_off, rel=0.12)
+
+
+@pytest.mark.parametrize("filtered", ["second order", "fourth order", "mean"])
+@pytest.mark.parametrize("cut_off", [2.0, 10.0])
+def test_noise_behind_any_usual_low_pass_has_its_density(filtered, cut_off):
+    """Of sharp filters one of first order makes densities that are 1.3 to 2.4 times too large."""
+    dense, count, found = 10, 6000, []
+    for seed in range(4):
+        fine = np.random.default_rng(seed).standard_normal(count * dense + 3000)
+        fine *= np.sqrt(dense * RATE / 2)
+        if filtered == "mean":  # sinc(0.443)^2 is a half
+            width = round(0.443 * dense * RATE / cut_off)
+            passed = lfilter(np.ones(width) / width, [1], fine)
+        else:
+            order = 2 if filtered == "second order" else 4
+            passed = lfilter(*butter(order, 2 * cut_off / (dense * RATE)), fine)
+        found.append(fit_noise(allan_deviation(passed[3000::dense], RATE)))
+    assert np.mean([fit.white.value for fit in found]) == pytest.approx(1 / np.sqrt(2), rel=0.08)
+    assert np.median([fit.bandwidth_hz for fit in found]) == pytest.approx(cut_off, rel=0.12)
+    assert not any(fit.bias_instability.found for fit in found)
 
 
 def test_white_noise_shows_no_low_pass():

@@ -1,9 +1,10 @@
-"""What the arm's own joints add to the uncertainty of a calibration by the arm.
+"""What the arm's own joints and links add to the uncertainty of a calibration by the arm.
 
-The zero of each joint is known to the robot file's `joint_angle_deg` and its error lasts all
-session: all poses share it, and no residual shows it. The calibration is made anew with each
-joint's zero off by its standard uncertainty, u_j; the change d_j of the parameters adds d_j d_j' to
-their covariance (JCGM 100:2008, 5.1.3 and 5.1.4 with a numeric derivative).
+Zeros of joints and twists of links are known to what the robot file states, and their errors last
+all session: all poses share them. The calibration is made anew with each of them off by its
+standard uncertainty, u_j; the change d_j of the parameters adds d_j d_j' to their covariance
+(JCGM 100:2008, 5.1.3 and 5.1.4 with a numeric derivative). Methods that take them for further
+unknowns (`Method.counts_shared`) hold that part already.
 """
 
 from __future__ import annotations
@@ -17,76 +18,24 @@ from testbench.estimation.calibration.prepared import Prepared
 from testbench.estimation.calibration.shared_frame import in_believed_axes
 from testbench.estimation.calibration.warming import with_drift
 from testbench.model import rotation
-from testbench.model.kinematics import Kinematics, Pose
 from testbench.model.statistics.least_squares import PoorExcitation
 from testbench.records.results.calibration import TriadCalibration
-from testbench.records.session.samples import Truth
-from testbench.records.session.session import Session
-
-
-def shifted_truths(session: Session, sensor: str, truth: Truth) -> list[Truth]:
-    """The truth with the zero of a joint off by its standard uncertainty, joint by joint.
-
-    Args:
-        session: With the arm's samples, or nothing comes of it.
-        sensor: Its name.
-        truth: Of the sensor.
-
-    Returns:
-        One truth for each joint that turns the sensor.
-    """
-    arm, robot = session.arm(), session.robot
-    if (
-        arm is None
-        or robot is None
-        or sensor not in session.analysis.sensors
-        or len(arm.host_time_ns) < 2
-    ):
-        return []
-    placed, kinematics = session.analysis.sensors[sensor], Kinematics(robot)
-    at = truth.host_time_ns
-    q, v = (
-        np.column_stack([np.interp(at, arm.host_time_ns, column) for column in group.T])
-        for group in (arm.q_measured, arm.v_measured)
-    )
-    offset = Pose.from_placement(placed.mounting)
-    base = kinematics.frame_motion(placed.link, q, v, offset=offset)
-    q_base, rate = rotation.conjugate(base.q_world_from_frame), base.angular_velocity_in_frame
-    truths = []
-    for joint, u in enumerate(robot.joint_angle_uncertainty):
-        if u <= 0:
-            continue
-        moved = kinematics.frame_motion(
-            placed.link, q + u * np.eye(q.shape[1])[joint], v, offset=offset
-        )
-        turn = rotation.multiply(moved.q_world_from_frame, q_base)
-        if float(rotation.angle(turn).max()) < 1e-3 * u:  # it does not carry the sensor
-            continue
-        turned = None if truth.rate is None else truth.rate + moved.angular_velocity_in_frame - rate
-        truths.append(
-            replace(
-                truth,
-                q_world_from_sensor=rotation.multiply(turn, truth.q_world_from_sensor),
-                rate=turned,
-            )
-        )
-    return truths
 
 
 def with_arm_uncertainty(
     prepared: Prepared,
-    truths: list[Truth],
     triads: dict[str, TriadCalibration],
     field: np.ndarray | None,
-) -> tuple[dict[str, TriadCalibration], list[str]]:
-    """The triads with the joints' part in their covariances, and a remark on its size.
+) -> tuple[dict[str, TriadCalibration], list[str], list[np.ndarray]]:
+    """The triads with the joints' part in their covariances, a remark on its size, and what each
+    zero changes of the gyroscope's residuals.
 
     Args:
-        prepared: The recording.
-        truths: One for each joint.
+        prepared: The recording, with a truth for each joint.
         triads: As the methods gave them.
         field: Of the earth in the world, shape (3,) [uT], as for `calibrate`.
     """
+    # Longer than a screen: one loop over the joints gathers covariances, residuals and the turn.
     accelerometer = triads.get("accelerometer")
     by_arm = accelerometer is not None and in_believed_axes(accelerometer)
     concerned = {
@@ -95,13 +44,14 @@ def with_arm_uncertainty(
         # turns of a stated angle about the sensor's own faces: the arm has no part in them
         if (by_arm or in_believed_axes(found)) and "turn_angle" not in METHODS[found.method].asks
     }
+    truths = prepared.shifted
     if not concerned or not truths:
-        return triads, []
+        return triads, [], []
     added = {
         name: [np.zeros_like(fit.covariance) for fit in found.fits]
         for name, found in concerned.items()
     }
-    turned = 0.0
+    turned, left = 0.0, []
     for truth in truths:
         moved = replace(prepared, truth=truth)
         try:
@@ -109,9 +59,13 @@ def with_arm_uncertainty(
         except PoorExcitation:
             continue
         for name, found in concerned.items():
+            if METHODS[found.method].counts_shared:
+                continue  # its covariance holds them
             for total, old, new in zip(added[name], found.fits, again[name].fits, strict=True):
                 # JCGM 100:2008, 5.1.3 with a numeric derivative
                 total += np.outer(new.values - old.values, new.values - old.values)
+        if "gyroscope" in concerned:
+            left.append(residual_change(concerned["gyroscope"], again["gyroscope"]))
         name = next(iter(concerned))
         nearest = [rotation.nearest_rotation(which[name].matrix) for which in (concerned, again)]
         turned += float(rotation.angle(rotation.from_matrix(nearest[0].T @ nearest[1]))) ** 2
@@ -124,11 +78,16 @@ def with_arm_uncertainty(
         result[name] = replace(found, fits=fits)
     angle = np.degrees(np.sqrt(turned))
     remark = (
-        "the uncertainties hold those of the arm's joints as the robot file states them, which all "
-        "poses share; they turn the "
+        "the uncertainties hold those of the arm's joints and links as the robot file states them, "
+        "which all poses share; they turn the "
         f"{next(iter(concerned))}'s axes by {angle:.3f} deg (standard uncertainty)"
     )
-    return result, [remark]
+    return result, [remark], left
+
+
+def residual_change(found: TriadCalibration, again: TriadCalibration) -> np.ndarray:
+    """What the residuals of a triad's first fit change by, shape (n,) [as these]."""
+    return np.asarray(again.fits[0].residuals - found.fits[0].residuals)
 
 
 def _again(

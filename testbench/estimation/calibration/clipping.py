@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.consistency.doubtful import CLIPPED, SATURATED, Doubts
-from testbench.exceptions import InputError
+from testbench.consistency.doubtful import SATURATED, Doubts
+from testbench.estimation.calibration.pile_up import cut_off_at, cut_off_moving, usual_noise
+from testbench.estimation.signals.segmentation import intervals_of
 from testbench.frames import STANDARD_GRAVITY
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import AXES, ImuSamples
 
 PLATEAU = 3
@@ -32,8 +35,8 @@ NAMES = {"acc": "accelerometer", "gyr": "gyroscope", "mag": "magnetometer"}
 UNITS = {"acc": (1.0, "m/s^2"), "gyr": (180 / np.pi, "deg/s"), "mag": (1.0, "uT")}
 
 
-def clipped_triads(samples: ImuSamples, doubts: Doubts, rests: np.ndarray) -> dict[str, str]:
-    """What is clipped where it is calibrated, a sentence by quantity.
+def clipped_triads(samples: ImuSamples, doubts: Doubts, rests: np.ndarray) -> dict[str, Finding]:
+    """What is clipped where it is calibrated, by quantity.
 
     A gyroscope is calibrated from the first rest to the last; the others in the rests alone, and a
     jolt on the way from one to the next harms them nothing.
@@ -43,7 +46,7 @@ def clipped_triads(samples: ImuSamples, doubts: Doubts, rests: np.ndarray) -> di
         doubts: On them.
         rests: Whether each sample is of a rest, shape (n,), bool.
     """
-    found: dict[str, str] = {}
+    found: dict[str, Finding] = {}
     if not rests.any():
         return found
     between = np.zeros(len(rests), dtype=bool)
@@ -52,38 +55,83 @@ def clipped_triads(samples: ImuSamples, doubts: Doubts, rests: np.ndarray) -> di
         readings, used = getattr(samples, key), between if key == "gyr" else rests
         if readings is None or not np.isfinite(readings[used]).any():
             continue
-        readings = readings[used]
-        marked = sum(
-            int(doubts.flags[reason][used].sum())
-            for reason in (CLIPPED, SATURATED)
-            if reason in doubts.flags and key in doubts.quantities[reason]
-        )
-        limits = plateaus(readings, key)
+        marked = _marked(samples, doubts, key, used)
+        limits = dict.fromkeys(plateaus(readings[used], key))
+        limits |= dict.fromkeys(_ends_of_rests(readings, rests))
         size, unit = UNITS[key]
         told = [f"{axis} at {size * value:.4g} {unit}" for axis, value in limits]
         if marked >= LEAST_MARKED and not told:
             told = [f"{marked} readings at full scale"]
         if told:
-            found[key] = (
-                f"the {NAMES[key]} is clipped ({', '.join(told)}): readings at the end of a range "
-                "are no measurements, and a calibration by them has wrong scales. Record again "
-                "with a wider range, or move more slowly"
-            )
+            found[key] = finding("calibration.clipped", triad=NAMES[key], limits=", ".join(told))
     return found
 
 
-def refuse_clipped(clipped: dict[str, str], key: str) -> None:
-    """Refuse to calibrate a clipped triad.
+def clipped_in_motion(samples: ImuSamples, rests: np.ndarray) -> list[Finding]:
+    """What is clipped on the way from one rest to the next, of triads that rest by rest calibrate.
 
     Args:
-        clipped: Sentences by quantity, of `clipped_triads`.
-        key: "acc", "gyr" or "mag".
-
-    Raises:
-        InputError: It is clipped.
+        samples: As recorded.
+        rests: Whether each sample is of a rest, shape (n,), bool.
     """
-    if key in clipped:
-        raise InputError(clipped[key])
+    found: list[Finding] = []
+    parts = intervals_of(rests)
+    if not len(parts):
+        return found
+    moving = ~rests
+    moving[: parts[0, 0]] = moving[parts[-1, 1] :] = False
+    for key in ("acc", "mag"):
+        readings = getattr(samples, key)
+        if readings is None:
+            continue
+        told, (size, unit) = [], UNITS[key]
+        still = [fresh(readings[begin:end]) for begin, end in parts]
+        on_the_way = fresh(readings[moving])
+        for axis in range(3):
+            noise = usual_noise([part[:, axis] for part in still])
+            for sign in (1.0, -1.0):
+                largest = cut_off_moving(sign * on_the_way[:, axis], noise)
+                if largest is not None:
+                    told.append(f"{AXES[axis]} at {size * sign * largest:.4g} {unit}")
+        if told:
+            limits = ", ".join(told)
+            found.append(finding("calibration.clipped_moving", triad=NAMES[key], limits=limits))
+    return found
+
+
+def _marked(samples: ImuSamples, doubts: Doubts, key: str, used: np.ndarray) -> int:
+    """Readings of a triad that sensor or a stated range mark as saturated.
+
+    A sensor marks a sample, not a triad: it is the one that reads the same largest number in them.
+    """
+    count = 0
+    if SATURATED in doubts.flags and key in doubts.quantities[SATURATED]:
+        count = int(doubts.flags[SATURATED][used].sum())
+    readings = np.abs(getattr(samples, key)[samples.saturated & used])
+    if len(readings) < LEAST_MARKED or not np.isfinite(readings).any():
+        return count
+    at_end = (readings == np.nanmax(readings, axis=0)) & (
+        readings >= np.nanmax(np.abs(getattr(samples, key)[used]), axis=0)
+    )
+    return max(count, int(at_end.sum(axis=0).max()))
+
+
+def _ends_of_rests(readings: np.ndarray, rests: np.ndarray) -> list[tuple[str, float]]:
+    """Axis and reading of ends of ranges that cut off the noise about rests.
+
+    Args:
+        readings: Of a triad, shape (n, 3); NaN where unknown.
+        rests: Whether each sample is of a rest, shape (n,), bool.
+    """
+    parts = [fresh(readings[begin:end]) for begin, end in intervals_of(rests)]
+    found = []
+    for axis in range(3):
+        own = [part[:, axis] for part in parts]
+        for sign in (1.0, -1.0):
+            largest = cut_off_at([sign * part for part in own])
+            if largest is not None:
+                found.append((AXES[axis], sign * largest))
+    return found
 
 
 def plateaus(readings: np.ndarray, key: str) -> list[tuple[str, float]]:
@@ -96,10 +144,7 @@ def plateaus(readings: np.ndarray, key: str) -> list[tuple[str, float]]:
     Returns:
         Axis and reading of each.
     """
-    known = readings[np.isfinite(readings).all(axis=1)]
-    fresh = np.ones(len(known), dtype=bool)
-    fresh[1:] = (known[1:] != known[:-1]).any(axis=1)  # a field may repeat until it is read anew
-    known = known[fresh]
+    known = fresh(readings)
     if len(known) < PLATEAU * RUNS:
         return []
     return [
@@ -108,6 +153,19 @@ def plateaus(readings: np.ndarray, key: str) -> list[tuple[str, float]]:
         for sign in (1.0, -1.0)
         if (largest := _cut_off(sign * known[:, axis], key)) is not None
     ]
+
+
+def fresh(readings: np.ndarray) -> np.ndarray:
+    """The known readings that do not only repeat the one before: a field may do so until it is
+    read anew.
+
+    Args:
+        readings: Of a triad, shape (n, 3); NaN where unknown.
+    """
+    known = readings[np.isfinite(readings).all(axis=1)]
+    anew = np.ones(len(known), dtype=bool)
+    anew[1:] = (known[1:] != known[:-1]).any(axis=1)
+    return np.asarray(known[anew])
 
 
 def _cut_off(column: np.ndarray, key: str) -> float | None:

@@ -24,6 +24,7 @@ from testbench.model import rotation
 from testbench.model.statistics.least_squares import FitParameter
 from testbench.model.statistics.linear import whitening
 from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.evidence import Evidence
 
 CROOKED = np.radians(10.0)
 """Standard deviation beforehand of the rotation, about each axis, and of the dip [rad]."""
@@ -97,7 +98,17 @@ def ellipsoid_dip(poses: StaticPoses, tolerance: Tolerance = MAGNETOMETER) -> Tr
         remarks += (
             f"the field's length was not given; it is taken to be {F:.3f} {tolerance.unit}",
         )
-    return TriadCalibration("ellipsoid_dip", matrix, fit.values[9:12], fits=(fit,), remarks=remarks)
+    A, h, length = split(fit.values)
+    reach = -whiten @ np.stack([h / length[:, None], u], axis=1) @ A
+    evidence = Evidence(fit.residuals, jacobian(fit.values), reach)
+    return TriadCalibration(
+        "ellipsoid_dip",
+        matrix,
+        fit.values[9:12],
+        fits=(fit,),
+        remarks=remarks,
+        evidence=evidence,
+    )
 
 
 def _start(m: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, float]:

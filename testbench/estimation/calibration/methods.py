@@ -55,6 +55,7 @@ class Method:
             named; None where it must be named.
         counts_in_run: The covariance of its bias holds already that the bias wanders between the
             rests and the turns.
+        counts_shared: The covariance holds already what errors of the arm that all poses share do.
         spares: The turns that it does not calibrate from, and which judge it; None for a method
             that takes all of them, which is judged by leaving some out.
     """
@@ -68,6 +69,7 @@ class Method:
     axes: Axes = "sensor"
     tried: int | None = None
     counts_in_run: bool = False
+    counts_shared: bool = False
     spares: Callable[[GyroscopeRecording], list[Turn]] | None = None
 
 
@@ -83,6 +85,7 @@ _ALL = (
         attitude_aided,
         asks=("arm",),
         axes="believed",
+        counts_shared=True,
         tried=1,
     ),
     Method(
@@ -246,6 +249,7 @@ _ALL = (
         known_field,
         asks=("arm", "field"),
         axes="believed",
+        counts_shared=True,
     ),
     Method(
         "mounting_rates",

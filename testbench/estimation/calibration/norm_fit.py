@@ -28,6 +28,7 @@ from testbench.model.statistics.least_squares import (
 )
 from testbench.model.statistics.linear import widened_by_misfit
 from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.evidence import Evidence
 from testbench.records.results.fit import Fit
 
 MOST_CONDITION = 1e3
@@ -184,12 +185,17 @@ def fit_norm(
         )
     fit = searched(residuals, jacobian, parameters, guess is not None, ADVICE)
     drift = fit.values[k + 3 :] if warm is not None else np.zeros(3)
+    A = model.matrix(fit.values[:k])
+    h = centred(fit.values) @ A.T
+    reach = -weight[:, None] * (h / np.linalg.norm(h, axis=1, keepdims=True)) @ A
+    evidence = Evidence(fit.residuals, jacobian(fit.values), reach[:, None, :])
     return TriadCalibration(
         method,
-        model.matrix(fit.values[:k]),
+        A,
         fit.values[k : k + 3],
         drift=drift,
         reference=reference,
         fits=(fit,),
         remarks=remarks,
+        evidence=evidence,
     )

@@ -43,6 +43,8 @@ class StaticPoses:
         start: When each pose began, shape (m,) [s].
         end: When each pose ended, shape (m,) [s].
         count: Samples of each, shape (m,).
+        shared: What errors that last all session change of `expected`, each off by its standard
+            uncertainty, shape (m, q, 3) [unit], or None where they are not known.
 
     Raises:
         InputError: A variance is not above 0.
@@ -60,6 +62,7 @@ class StaticPoses:
     start: np.ndarray | None = None
     end: np.ndarray | None = None
     count: np.ndarray | None = None
+    shared: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         m = len(self.mean)
@@ -77,6 +80,8 @@ class StaticPoses:
             array = getattr(self, name)
             if array is not None and array.shape != shapes.get(name, (m,)):
                 raise ValueError(f"{m} poses cannot have {name} of shape {array.shape}")
+        if self.shared is not None and self.shared.shape[::2] != (m, 3):
+            raise ValueError(f"{m} poses cannot have shared errors of shape {self.shared.shape}")
         if not (self.variance > 0).all():
             raise InputError(
                 "a pose whose samples are all the same has no variance; give a floor above 0"
@@ -140,6 +145,7 @@ class TrueVector:
     Attributes:
         magnitude: Its length, the same in all [unit]; NaN where nobody knows it.
         expected: The vector in the sensor axes as believed, shape (k, 3) [unit], or None.
+        shared: As in `StaticPoses`, shape (k, q, 3) [unit], or None.
         vertical: Upward unit vector in the sensor axes, shape (k, 3), or None.
         vertical_sd: Standard deviation of the direction of `vertical` [rad].
     """
@@ -148,6 +154,7 @@ class TrueVector:
     expected: np.ndarray | None = None
     vertical: np.ndarray | None = None
     vertical_sd: float = 0.0
+    shared: np.ndarray | None = None
 
 
 def static_poses(
@@ -191,6 +198,7 @@ def static_poses(
         variance=np.array([samples[row].var(axis=0, ddof=1) / len(row) for row in rows]) + floor**2,
         magnitude=true.magnitude,
         expected=None if true.expected is None else np.asarray(true.expected)[kept],
+        shared=None if true.shared is None else np.asarray(true.shared)[kept],
         vertical=None if true.vertical is None else np.asarray(true.vertical)[kept],
         vertical_sd=true.vertical_sd,
         temperature=mean_temperature,

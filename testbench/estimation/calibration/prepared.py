@@ -15,10 +15,11 @@ import numpy as np
 from testbench.consistency.doubtful import doubts_on, without
 from testbench.estimation.alignment.axes import true_rates
 from testbench.estimation.alignment.true_motion import rate_delay, sensor_clock
-from testbench.estimation.calibration.clipping import clipped_triads
+from testbench.estimation.calibration.clipping import clipped_in_motion, clipped_triads
 from testbench.estimation.calibration.gyroscope import gravity_direction_errors, turn_figures
 from testbench.estimation.calibration.poses import (
     DIRECTION_SD,
+    SETTLING_M_S2,
     SETTLING_UT,
     StaticPoses,
     TrueVector,
@@ -41,6 +42,7 @@ from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.statistics.least_squares import PoorExcitation
 from testbench.model.truth import truth_at
+from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.calibration_result import Agreement, CalibrationPoses
 from testbench.records.session.samples import ImuSamples, Truth
@@ -69,6 +71,14 @@ class Prepared:
         temperatures: Of the part on the grid, shape (n,) [deg C], or None.
         integrated: Whether its rates are means over the interval before each sample.
         clipped: What is said of triads at the end of their range, by quantity.
+        clipped_moving: What is said of those that are so between the rests.
+        stated: The truth as the robot file has it; `truth` may be another.
+        gravity_sd: Standard uncertainty of the length of `gravity` [m/s^2].
+        nonlinearity: Of the accelerometer by its data sheet, what it adds at 1 g as a share of it
+            [1]; None where none is named.
+        settling: What a rest of the accelerometer differs by from others beside its noise, a
+            standard deviation [m/s^2].
+        shifted: That with the zero of a joint off by its standard uncertainty, joint by joint.
     """
 
     samples: UniformSamples
@@ -82,7 +92,13 @@ class Prepared:
     remarks: list[str]
     temperatures: np.ndarray | None = None
     integrated: bool = False
-    clipped: dict[str, str] = field(default_factory=dict)
+    clipped: dict[str, Finding] = field(default_factory=dict)
+    clipped_moving: list[Finding] = field(default_factory=list)
+    stated: Truth | None = None
+    gravity_sd: float = 0.0
+    nonlinearity: float | None = None
+    settling: float = SETTLING_M_S2
+    shifted: list[Truth] = field(default_factory=list)
 
     @property
     def has_gyroscope(self) -> bool:
@@ -113,7 +129,10 @@ class Prepared:
             self.samples.acc,
             self.rests,
             times=self.time_ns / NANOSECONDS,
-            true=TrueVector(float(np.linalg.norm(self.gravity)), expected),
+            true=TrueVector(
+                float(np.linalg.norm(self.gravity)), expected, shared=self._shared(-self.gravity)
+            ),
+            floor=self.settling,
             temperature=self.temperatures,
         )
 
@@ -121,8 +140,24 @@ class Prepared:
     def _attitudes(self) -> np.ndarray:
         """q_world_from_sensor in the middle of each rest, shape (k, 4)."""
         assert self.truth is not None
-        middle = self.time_ns[self.rests.mean(axis=1).astype(int)]
-        return truth_at(self.truth, middle)
+        return truth_at(self.truth, self._middle_ns)
+
+    @property
+    def _middle_ns(self) -> np.ndarray:
+        """Middle of each rest, shape (k,) [ns]."""
+        return np.asarray(self.time_ns[self.rests.mean(axis=1).astype(int)])
+
+    def _shared(self, vector: np.ndarray) -> np.ndarray | None:
+        """How a vector of the world changes in the sensor by the zero of each joint, shape
+        (k, q, 3); None where no joint's is known.
+        """
+        if self.stated is None or not self.shifted:
+            return None
+        seen = [
+            rotation.rotate(rotation.conjugate(truth_at(truth, self._middle_ns)), vector)
+            for truth in (self.stated, *self.shifted)
+        ]
+        return np.stack([moved - seen[0] for moved in seen[1:]], axis=1)
 
     def magnetometer_poses(
         self, accelerometer: TriadCalibration | None, field: np.ndarray | None = None
@@ -150,9 +185,20 @@ class Prepared:
                 expected,
                 up / np.linalg.norm(up, axis=1, keepdims=True),
                 float(DIRECTION_SD),
+                None if expected is None or field is None else self._shared(field),
             ),
             floor=SETTLING_UT,
         )
+
+    def without_trend(self, key: Literal["acc", "gyr"], trend: np.ndarray) -> Prepared:
+        """The recording with what a triad drifts by taken out.
+
+        Args:
+            key: Which triad.
+            trend: At each sample, shape (n, 3) [m/s^2 or rad/s].
+        """
+        less = getattr(self.samples, key) - trend
+        return replace(self, samples=replace(self.samples, **{key: less}))
 
     def calibration_poses(self, accelerometer: TriadCalibration | None) -> CalibrationPoses:
         """The poses before and after the correction, for people."""
@@ -191,12 +237,13 @@ class Prepared:
         force = self.felt(accelerometer)
         up = force / np.linalg.norm(force, axis=1, keepdims=True)
         up_sd = float(np.sqrt(self.poses.variance.mean()) / STANDARD_GRAVITY)
-        temperatures = self.temperatures
+        temperatures, time = self.temperatures, self.time_ns / NANOSECONDS
         rests = [
             Rest(
                 self.samples.gyr[begin:end],
                 felt,
                 None if temperatures is None else temperatures[begin:end],
+                time[begin:end],
             )
             for (begin, end), felt in zip(self.rests, force, strict=True)
         ]
@@ -239,6 +286,7 @@ class Prepared:
                     up_sd=up_sd,
                     attitude_sd=float(DIRECTION_SD),
                     temperature=None if temperatures is None else temperatures[span],
+                    time=time[span],
                 )
             )
         return GyroscopeRecording(rests, turns)
@@ -348,6 +396,7 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
             truth = None
             rests = _sound_parts(found[chosen], sound)
             remarks.append("the truth is not known in any rest and is not used")
+    at_rest = _inside(found[chosen], len(uniform))[rows]  # those of refused samples too
     gravity = session.robot.gravity if session.robot else np.array([0.0, 0.0, -STANDARD_GRAVITY])
     agreements = compare(found, len(uniform.gyr), uniform.interval)
     temperatures = _temperatures(samples, host, time)
@@ -364,7 +413,8 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
         remarks,
         temperatures,
         integrated,
-        clipped_triads(raw, doubts, _inside(rests, len(uniform))[rows]),
+        clipped_triads(raw, doubts, at_rest),
+        clipped_in_motion(raw, at_rest),
     )
 
 

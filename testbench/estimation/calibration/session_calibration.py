@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from testbench.estimation.calibration.arm_uncertainty import shifted_truths, with_arm_uncertainty
+from testbench.estimation.calibration.arm_errors import shifted_truths
+from testbench.estimation.calibration.arm_uncertainty import with_arm_uncertainty
 from testbench.estimation.calibration.axis_model import orthogonality
-from testbench.estimation.calibration.clipping import refuse_clipped
-from testbench.estimation.calibration.gyroscope import IN_RUN, validated
+from testbench.estimation.calibration.examined import (
+    examined_accelerometer,
+    examined_gyroscope,
+    examined_magnetometer,
+    gyroscope_cubic,
+    with_rate_nonlinearity,
+)
+from testbench.estimation.calibration.force_scale import (
+    accelerometer_sheet,
+    gravity_sd,
+    sheet_nonlinearity,
+    sheet_settling,
+)
+from testbench.estimation.calibration.gyroscope import IN_RUN, static_bias, validated
+from testbench.estimation.calibration.gyroscope_trend import bias_trend, widened_by_trend
 from testbench.estimation.calibration.methods import (
     METHODS,
     Calibrated,
@@ -20,17 +34,20 @@ from testbench.estimation.calibration.methods import (
     get_method,
     methods_to_try,
 )
-from testbench.estimation.calibration.poses import SETTLING_M_S2, StaticPoses
+from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.prepared import Prepared, Segmentation, prepare
 from testbench.estimation.calibration.session_mounting import find_mounting
 from testbench.estimation.calibration.shared_frame import take_mounting_out
 from testbench.estimation.calibration.validation import cross_validate, validate
-from testbench.estimation.calibration.warming import with_drift
+from testbench.estimation.calibration.warming import Function, with_drift
 from testbench.exceptions import InputError
+from testbench.frames import NANOSECONDS
 from testbench.model.statistics.least_squares import PoorExcitation
+from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.calibration_file import SensorCalibration
 from testbench.records.results.calibration_result import CalibrationResult
+from testbench.records.results.fit import Fit
 from testbench.records.session.session import Session
 
 MISSED_DEG = 5.0
@@ -40,6 +57,38 @@ SCALE_WITHIN = 1.5
 """Largest factor that a calibration may find between a gyroscope and the rate: data sheets of
 consumer parts state 3 %, and a wrong range setting is a factor of 2.
 """
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is said of a calibration while it is made.
+
+    Attributes:
+        remarks: What was left out, and why.
+        findings: What its user must know.
+    """
+
+    remarks: list[str]
+    findings: list[Finding]
+
+    def clipped(self, prepared: Prepared, key: str, named: Method | None) -> bool:
+        """Whether a triad is clipped, which is said.
+
+        Args:
+            prepared: The recording.
+            key: "acc", "gyr" or "mag".
+            named: The method that was asked for, if one was.
+
+        Raises:
+            InputError: It is, and a method for it was asked for.
+        """
+        found = prepared.clipped.get(key)
+        if found is None:
+            return False
+        if named is not None:
+            raise InputError(str(found))
+        self.findings.append(found)
+        return True
 
 
 def calibrate(
@@ -71,36 +120,64 @@ def calibrate(
     # Longer than a screen: triad after triad, each with what the ones before it gave.
     chosen = _by_triad(methods, field, turn_angle)
     prepared = prepare(session, sensor, segmentation)
+    if prepared.truth is not None:
+        shifted = shifted_truths(session, sensor, prepared.truth)
+        prepared = replace(prepared, stated=prepared.truth, shifted=shifted)
+    sheet = accelerometer_sheet(session, sensor)
+    prepared = replace(
+        prepared,
+        gravity_sd=gravity_sd(session),
+        nonlinearity=sheet_nonlinearity(sheet),
+        settling=sheet_settling(sheet),
+    )
     others = [prepare(other, sensor, None) for other in held_out]
-    remarks = list(prepared.remarks)
+    told = Told(list(prepared.remarks), list(prepared.clipped_moving))
+    remarks = told.remarks
     triads: dict[str, TriadCalibration] = {}
-    accelerometer = _accelerometer(
-        prepared, others, chosen.get("accelerometer"), not methods, remarks
+    accelerometer, prepared = _accelerometer(
+        prepared, others, chosen.get("accelerometer"), not methods, told
     )
     if accelerometer is not None:
         triads["accelerometer"] = accelerometer
     remarks += _orthogonality(prepared.poses)
-    gyroscope = _gyroscope(
-        prepared, others, accelerometer, chosen.get("gyroscope"), not methods, remarks, turn_angle
-    )
-    if gyroscope is not None:
-        triads["gyroscope"] = gyroscope
+    gyroscope: TriadCalibration | None = None
+    bare: Fit | None = None
+    left: list[np.ndarray] = []
+    if prepared.has_gyroscope:
+        trend = bias_trend(prepared.gyroscope_recording(accelerometer))
+        if trend is not None:
+            prepared = prepared.without_trend("gyr", trend.at(prepared.time_ns / NANOSECONDS))
+        gyroscope, function = _gyroscope(
+            prepared, others, accelerometer, chosen.get("gyroscope"), not methods, told, turn_angle
+        )
+        if gyroscope is not None:
+            bare = gyroscope.fits[0]
+            recording = prepared.gyroscope_recording(accelerometer)
+            gyroscope, left = with_rate_nonlinearity(
+                gyroscope, recording, gyroscope_cubic(session, sensor), function
+            )
+            if trend is not None:
+                gyroscope = widened_by_trend(gyroscope, recording, trend, function)
+                told.findings.append(trend.told())
+            triads["gyroscope"] = gyroscope
     magnetometer = _magnetometer(
-        prepared, others, accelerometer, chosen.get("magnetometer"), not methods, remarks, field
+        prepared, others, accelerometer, chosen.get("magnetometer"), not methods, told, field
     )
     if magnetometer is not None:
         triads["magnetometer"] = magnetometer
     if not triads and "mounting" not in chosen:
         raise InputError(
             f"{session.path}: nothing could be calibrated: "
-            f"{'; '.join(remarks) or 'no method fits the recording'}"
+            f"{'; '.join([*remarks, *map(str, told.findings)]) or 'no method fits the recording'}"
         )
-    triads = {name: _with_in_run(name, found) for name, found in triads.items()}
+    triads = {name: _with_in_run(name, found, prepared.settling) for name, found in triads.items()}
     if prepared.truth is not None:
-        triads, added = with_arm_uncertainty(
-            prepared, shifted_truths(session, sensor, prepared.truth), triads, field
-        )
+        triads, added, by_zeros = with_arm_uncertainty(prepared, triads, field)
         remarks += added
+        left += by_zeros
+    if bare is not None:
+        triads["gyroscope"], said = examined_gyroscope(triads["gyroscope"], bare, left)
+        told.findings.extend(said)
     triads, mounting, odd = take_mounting_out(triads, keep_small="mounting" not in chosen)
     remarks += odd
     if "mounting" in chosen and mounting is not None:
@@ -124,6 +201,7 @@ def calibrate(
         prepared.temperature,
         triads,
         mounting=mounting,
+        findings=tuple(told.findings),
     )
     if "mounting" in chosen:  # of the sensor's own axes, whole, whatever the triads contained of it
         sweeps = [step for step in session.steps if step.kind == "sweep"]
@@ -173,32 +251,35 @@ def _accelerometer(
     others: list[Prepared],
     named: Method | None,
     free: bool,
-    remarks: list[str],
-) -> TriadCalibration | None:
-    if named is None and not free:
-        return None
+    told: Told,
+) -> tuple[TriadCalibration | None, Prepared]:
+    """The accelerometer, and the recording without the trend that it was found to have."""
+    if (named is None and not free) or told.clipped(prepared, "acc", named):
+        return None, prepared
     known: set[Known] = {"arm"} if prepared.poses.expected is not None else set()
     for method in [named] if named else methods_to_try("accelerometer", known):
         try:
-            refuse_clipped(prepared.clipped, "acc")
-            found = method.function(prepared.poses)
+            found, at_rest = examined_accelerometer(method.function, prepared)
         except (PoorExcitation, InputError) as error:
             if named:
                 raise
-            remarks.append(f"accelerometer by {method.name}: {error}")
+            told.remarks.append(f"accelerometer by {method.name}: {error}")
             continue
+        told.findings.extend(at_rest.findings)
+        prepared = at_rest.prepared
         figures = _held_out_poses(found, others)
-        return replace(found, validation=figures or cross_validate(method.function, prepared.poses))
-    return None
+        figures = figures or cross_validate(method.function, prepared.poses)
+        return replace(found, validation=figures), prepared
+    return None, prepared
 
 
-def _with_in_run(triad: str, found: TriadCalibration) -> TriadCalibration:
+def _with_in_run(triad: str, found: TriadCalibration, settling: float) -> TriadCalibration:
     """The triad with the in-run bias that its rests share in the covariance of its bias.
 
     The methods take it to be drawn anew for each rest; it wanders slowly, and a whole session may
     lie to one side of the turn-on bias.
     """
-    sd = {"accelerometer": SETTLING_M_S2, "gyroscope": IN_RUN}.get(triad, 0.0)
+    sd = {"accelerometer": settling, "gyroscope": IN_RUN}.get(triad, 0.0)
     if not sd or METHODS[found.method].counts_in_run:
         return found
     fits = []
@@ -266,19 +347,19 @@ def _gyroscope(
     accelerometer: TriadCalibration | None,
     named: Method | None,
     free: bool,
-    remarks: list[str],
+    told: Told,
     turn_angle: float | None,
-) -> TriadCalibration | None:
-    if (named is None and not free) or not prepared.has_gyroscope:
-        return None
+) -> tuple[TriadCalibration | None, Function]:
+    """The gyroscope, and the method that found it."""
+    if (named is None and not free) or told.clipped(prepared, "gyr", named):
+        return None, static_bias
     recording = prepared.gyroscope_recording(accelerometer)
     held_out = [other.gyroscope_recording(accelerometer) for other in others if other.has_gyroscope]
     known: set[Known] = {"arm"} if prepared.has_truth else set()
     for method in [named] if named else methods_to_try("gyroscope", known):
-        told = {"angle": turn_angle} if "turn_angle" in method.asks else {}
-        function = with_drift(partial(method.function, **told))
+        asked = {"angle": turn_angle} if "turn_angle" in method.asks else {}
+        function = with_drift(partial(method.function, **asked))
         try:
-            refuse_clipped(prepared.clipped, "gyr")
             if method.spares is None:
                 found = prepared.with_held_out_turns(function, recording, held_out)
             else:
@@ -289,12 +370,12 @@ def _gyroscope(
         except (PoorExcitation, InputError) as error:
             if named:
                 raise
-            remarks.append(f"gyroscope by {method.name}: {error}")
+            told.remarks.append(f"gyroscope by {method.name}: {error}")
         else:
             refuse_implausible_scale(found)
-            remarks += missed_gravity(found)
-            return found
-    return None
+            told.remarks.extend(missed_gravity(found))
+            return found, function
+    return None, static_bias
 
 
 def missed_gravity(found: TriadCalibration) -> list[str]:
@@ -344,19 +425,23 @@ def _magnetometer(
     accelerometer: TriadCalibration | None,
     named: Method | None,
     free: bool,
-    remarks: list[str],
+    told: Told,
     field: np.ndarray | None,
 ) -> TriadCalibration | None:
     if (named is None and not free) or not prepared.has_magnetometer:
         if named is not None:
             raise InputError(f"the method {named.name} needs a magnetometer; this sensor has none")
         return None
+    if told.clipped(prepared, "mag", named):
+        return None
     poses = prepared.magnetometer_poses(accelerometer, field)
     known: set[Known] = {"vertical"} if accelerometer else set()
     for method in [named] if named else methods_to_try("magnetometer", known):
         try:
-            refuse_clipped(prepared.clipped, "mag")
-            found = method.function(poses)
+            found, said = examined_magnetometer(method, poses, named is not None)
+            told.findings.extend(said)
+            if found is None:
+                return None
             figures = cross_validate(method.function, poses, magnetometer=True)
             if others:
                 figures = validate(
@@ -367,7 +452,7 @@ def _magnetometer(
         except (PoorExcitation, InputError) as error:
             if named:
                 raise
-            remarks.append(f"magnetometer by {method.name}: {error}")
+            told.remarks.append(f"magnetometer by {method.name}: {error}")
             continue
         return replace(found, validation=figures)
     return None

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from testbench.exceptions import InputError
 from testbench.model import rotation
 from testbench.records.findings.catalogue import finding
-from testbench.records.findings.finding import Finding
+from testbench.records.findings.finding import Finding, Severity
 from testbench.records.results.calibration_file import SensorCalibration, find_calibration
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.session import Session
@@ -71,7 +71,17 @@ class StoredCalibrations:
         ) + f"session {stored.session} of {stored.calibrated:%Y-%m-%d}"
         dated = self.session.recorded_at is not None
         code = "calibration.stored" if dated else "calibration.stored_undated"
-        return [finding(code, origin=origin, methods=methods, match=same)]
+        own = [
+            finding(
+                "calibration.stored_warning",
+                triad=warned.where or str(warned.values.get("triad", "sensor")),
+                sentence=warned.sentence,
+                remedy=warned.remedy,
+            )
+            for warned in stored.findings
+            if warned.severity == Severity.WARNING
+        ]
+        return [finding(code, origin=origin, methods=methods, match=same), *own]
 
 
 def corrector(stored: SensorCalibration) -> Callable[[ImuSamples], ImuSamples]:

@@ -18,11 +18,13 @@ class Rest:
         gyr: Raw readings, shape (n, 3) [rad/s].
         force: Specific force felt, shape (3,) [m/s^2]; None where nobody knows.
         temperature: Of the part, shape (n,) [deg C], or None.
+        time: Of the readings, shape (n,) [s], or None.
     """
 
     gyr: np.ndarray
     force: np.ndarray | None = None
     temperature: np.ndarray | None = None
+    time: np.ndarray | None = None
 
     def without_drift(self, drift: np.ndarray, reference: float) -> Rest:
         """The readings as they would be at another temperature.
@@ -52,6 +54,7 @@ class Turn:
         up_sd: Standard uncertainty of either direction about each axis [rad].
         attitude_sd: Standard uncertainty of an attitude about each axis [rad].
         temperature: Of the part, shape (n,) [deg C].
+        time: Of the readings, shape (n,) [s].
     """
 
     gyr: np.ndarray
@@ -64,6 +67,7 @@ class Turn:
     up_sd: float = 0.0
     attitude_sd: float = 0.0
     temperature: np.ndarray | None = None
+    time: np.ndarray | None = None
 
     def without_drift(self, drift: np.ndarray, reference: float) -> Turn:
         """The readings as they would be at another temperature.
@@ -103,6 +107,7 @@ class Turn:
             *known,
             attitude_sd=self.attitude_sd,
             temperature=cut(self.temperature),
+            time=cut(self.time),
         )
 
 
@@ -112,6 +117,13 @@ def _at_reference(
     if temperature is None:
         return gyr
     return np.asarray(gyr - np.nan_to_num(temperature - reference)[:, None] * drift)
+
+
+def _bent(part: Rest | Turn, axis: int, cubic: float) -> np.ndarray:
+    """Readings without a term of the third power along one axis."""
+    gyr = part.gyr.copy()
+    gyr[:, axis] -= cubic * gyr[:, axis] ** 3
+    return gyr
 
 
 @dataclass(frozen=True)
@@ -131,4 +143,16 @@ class GyroscopeRecording:
         return GyroscopeRecording(
             [rest.without_drift(drift, reference) for rest in self.rests],
             [turn.without_drift(drift, reference) for turn in self.turns],
+        )
+
+    def without_cubic(self, axis: int, cubic: float) -> GyroscopeRecording:
+        """All readings without a term of the third power.
+
+        Args:
+            axis: Along which.
+            cubic: Its factor [1/(rad/s)^2].
+        """
+        return GyroscopeRecording(
+            [replace(rest, gyr=_bent(rest, axis, cubic)) for rest in self.rests],
+            [replace(turn, gyr=_bent(turn, axis, cubic)) for turn in self.turns],
         )

@@ -107,6 +107,17 @@ def widened_by_misfit(fit: Fit) -> Fit:
     return replace(fit, covariance=fit.covariance * squares / dof, dof=float(dof))
 
 
+def first_of(fit: Fit, count: int) -> Fit:
+    """The fit of the first parameters alone; what the others leave unknown stays in them."""
+    return replace(
+        fit,
+        names=fit.names[:count],
+        units=fit.units[:count],
+        values=fit.values[:count],
+        covariance=fit.covariance[:count, :count],
+    )
+
+
 def whitening(covariance: np.ndarray) -> np.ndarray:
     """Matrices W with W C W' = 1: the inverse of the Cholesky factor of each covariance.
 

@@ -9,6 +9,7 @@ from typing import Any
 from testbench.records.findings.finding import Finding, Value
 from testbench.records.findings.words import (
     alignment,
+    calibration,
     consistency,
     derived,
     estimation,
@@ -29,6 +30,7 @@ from testbench.records.findings.words.template import Template
 SUBJECTS: tuple[dict[str, Template], ...] = (
     general.TEMPLATES,
     alignment.TEMPLATES,
+    calibration.TEMPLATES,
     consistency.TEMPLATES,
     derived.TEMPLATES,
     estimation.TEMPLATES,

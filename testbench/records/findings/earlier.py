@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from testbench.records.findings.finding import Severity
+from pydantic import TypeAdapter
+
+from testbench.records.findings.finding import Finding, Severity
+
+_FINDING = TypeAdapter(Finding)
 
 NOTED = "general.noted"
 """Code of a sentence that was written before there were codes."""
@@ -23,3 +27,8 @@ def sentences_to_findings(data: dict[str, Any], key: str) -> None:
             {"code": NOTED, "severity": Severity.NOTE, "where": "", "sentence": sentence}
             for sentence in sentences
         ]
+
+
+def read_again(written: dict[str, Any]) -> Finding:
+    """A finding as a file has it, in the words of the version that wrote it."""
+    return _FINDING.validate_python(written)

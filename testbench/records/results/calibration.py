@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from testbench.records.results.evidence import Evidence
 from testbench.records.results.fit import Fit
 
 
@@ -28,6 +29,8 @@ class TriadCalibration:
         validation: Held-out figures by name, with the unit in the name, e.g.
             "gravity_norm_rms_mm_s2".
         remarks: What a user must know of it, as sentences.
+        evidence: What the fit leaves, for tests of what its model lacks; not kept in files. None
+            for methods whose scatter is not known beforehand.
     """
 
     method: str
@@ -39,6 +42,7 @@ class TriadCalibration:
     fits: tuple[Fit, ...] = ()
     validation: dict[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    evidence: Evidence | None = None
 
     def apply(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,6 +14,8 @@ from pydantic import Field
 from testbench.exceptions import InputError
 from testbench.records.disk.replacing import stored_where_asked, write_text
 from testbench.records.disk.yaml_file import YamlDocument, load_yaml
+from testbench.records.findings.earlier import read_again
+from testbench.records.findings.finding import Finding, Severity
 from testbench.records.results.calibration import MountingCalibration, TriadCalibration
 from testbench.records.results.fit import Fit
 from testbench.records.specs.strict import Angles3, Name, StrictModel, UtcText
@@ -122,6 +124,17 @@ class MountingEntry(StrictModel):
     remarks: list[str] = Field(default=[], description="What a user must know.")
 
 
+class FindingEntry(StrictModel):
+    """What was noticed, as `testbench calibrate` says it."""
+
+    code: str = Field(min_length=1, description="Which sentence it is.")
+    severity: Severity = Field(strict=False, description="note or warning.")
+    where: str = Field(default="", description="The triad.")
+    sentence: str = Field(description="What is seen, and what it means.")
+    values: dict[str, Any] = Field(default={}, description="What the sentence names.")
+    remedy: str = Field(default="", description="What to do.")
+
+
 class CalibrationEntry(StrictModel):
     """The content of a calibration file."""
 
@@ -145,6 +158,9 @@ class CalibrationEntry(StrictModel):
         default=None, description="null: not calibrated."
     )
     mounting: MountingEntry | None = Field(default=None, description="null: as believed.")
+    findings: list[FindingEntry] = Field(
+        default=[], description="What a user must know of them, or of a triad that was refused."
+    )
 
 
 @dataclass(frozen=True)
@@ -162,6 +178,7 @@ class SensorCalibration:
         triads: By "accelerometer", "gyroscope", "magnetometer"; those calibrated.
         file: Where they were read from, or None.
         mounting: Of the corrected triads, or None for as believed.
+        findings: What a user must know of them, or of a triad that was refused; where is a triad.
     """
 
     sensor: str
@@ -174,6 +191,7 @@ class SensorCalibration:
     triads: dict[str, TriadCalibration]
     file: Path | None = None
     mounting: MountingCalibration | None = None
+    findings: tuple[Finding, ...] = ()
 
     def apply(
         self,
@@ -251,6 +269,9 @@ def save_calibration(file: Path, calibration: SensorCalibration) -> None:
             "fit": _fit_entry(mounting.fit),
             "remarks": list(mounting.remarks),
         }
+    data["findings"] = [
+        asdict(own) | {"severity": own.severity.value} for own in calibration.findings
+    ]
     text = yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
     with stored_where_asked(file):
         write_text(file, text, anew=True)
@@ -281,6 +302,7 @@ def load_calibration(file: Path) -> SensorCalibration:
         },
         file,
         None if entry.mounting is None else _mounting(entry.mounting),
+        tuple(read_again(own.model_dump()) for own in entry.findings),
     )
 
 

@@ -10,7 +10,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.consistency.doubtful import SATURATED, Doubts
-from testbench.estimation.calibration.clipping import clipped_triads, plateaus
+from testbench.estimation.calibration.clipping import (
+    clipped_in_motion,
+    clipped_triads,
+    plateaus,
+)
+from testbench.estimation.calibration.pile_up import cut_off_at
 from testbench.estimation.calibration.session_calibration import calibrate, missed_gravity
 from testbench.exceptions import InputError
 from testbench.formats import import_recording
@@ -65,7 +70,7 @@ def test_a_gyroscope_that_is_cut_off_in_its_turns_is_told(turned, limit_deg_s, d
     assert np.abs(gyr).max() > limit
     samples = sampled(t, np.clip(gyr, -limit, limit).round(digits), acc)
     (told,) = clipped_triads(samples, Doubts.none(len(t)), still(t)).values()
-    found = float(re.match(r"the gyroscope is clipped \(x at ([\d.]+) deg/s", told)[1])
+    found = float(re.match(r"the gyroscope is clipped \(x at ([\d.]+) deg/s", told.sentence)[1])
     assert found == pytest.approx(limit_deg_s, abs=np.degrees(10.0**-digits))
 
 
@@ -77,7 +82,7 @@ def test_an_accelerometer_is_looked_at_in_its_rests_alone(turned):
     assert not clipped_triads(sampled(t, gyr, jolted), Doubts.none(len(t)), still(t))
     cut[:, 0] = np.minimum(cut[:, 0], 7.0)
     (told,) = clipped_triads(sampled(t, gyr, cut), Doubts.none(len(t)), still(t)).values()
-    assert told.startswith("the accelerometer is clipped (x at 7 m/s^2)")
+    assert told.sentence.startswith("the accelerometer is clipped (x at 7 m/s^2)")
 
 
 def test_one_axis_that_is_cut_off_to_one_side_is_named(turned):
@@ -115,7 +120,7 @@ def test_readings_that_the_sensor_marks_are_enough(turned):
     doubts.add(SATURATED, np.array([100, 101]), "gyr")
     assert not clipped_triads(sampled(t, gyr, acc), doubts, still(t))
     doubts.add(SATURATED, np.array([300]), "gyr")
-    said = clipped_triads(sampled(t, gyr, acc), doubts, still(t))["gyr"]
+    said = clipped_triads(sampled(t, gyr, acc), doubts, still(t))["gyr"].sentence
     assert "3 readings at full scale" in said
 
 
@@ -148,7 +153,43 @@ def test_a_session_of_it_is_not_calibrated(turned, tmp_path, clock, limit):
             calibrate(session, "imu", methods)
         others = calibrate(session, "imu")
         assert list(others.calibration.triads) == ["accelerometer"]
-        assert any("the gyroscope is clipped" in said for said in others.remarks)
+        said = [own for own in others.calibration.findings if own.code == "calibration.clipped"]
+        assert [own.values["triad"] for own in said] == ["gyroscope"]
     else:
         found = calibrate(session, "imu", methods).calibration.triads["gyroscope"]
         np.testing.assert_allclose(np.diag(found.matrix), 1.0, atol=0.01)
+
+
+def bells(count: float, limit: float = np.inf, noise: float = 1.0) -> list[np.ndarray]:
+    """Ten rests of 200 readings in counts, the highest about 50, cut off at a limit."""
+    rng = np.random.default_rng(8)
+    means = np.linspace(-40.0, 50.3, 10)
+    readings = means[:, None] + noise * rng.standard_normal((10, 200))
+    return list(np.minimum(np.round(readings / count) * count, limit))
+
+
+@pytest.mark.parametrize("count", [1e-3, 0.1, 0.5, 1.0])
+@pytest.mark.parametrize("sigmas", [-8.0, -1.0, 0.5, 1.0])
+def test_the_noise_of_a_rest_shows_where_it_is_cut_off(count, sigmas):
+    limit = round((50.3 + sigmas) / count) * count
+    assert cut_off_at(bells(count, limit)) == pytest.approx(limit)
+
+
+@pytest.mark.parametrize("count", [1e-6, 0.1, 0.5, 1.0, 3.0, 10.0])
+def test_the_noise_of_a_rest_that_is_not_cut_off_is_whole(count):
+    for noise in (1.0, 0.3):
+        assert cut_off_at(bells(count, noise=noise)) is None
+
+
+def test_a_motion_that_is_cut_off_on_the_way_is_named_and_no_reason_to_refuse(turned):
+    t, gyr, acc = turned
+    moving = ~still(t)
+    largest = float(acc[~moving].max())
+    jolted = acc.copy()
+    jolted[moving] *= 1.0 + 0.4 * np.sin(20 * t[moving])[:, None] ** 2
+    samples = sampled(t, gyr, jolted.round(4))
+    assert not clipped_in_motion(samples, still(t))
+    cut = sampled(t, gyr, np.minimum(jolted, largest + 0.5).round(4))
+    (told,) = clipped_in_motion(cut, still(t))
+    assert told.code == "calibration.clipped_moving" and told.values["triad"] == "accelerometer"
+    assert not clipped_triads(cut, Doubts.none(len(t)), still(t))

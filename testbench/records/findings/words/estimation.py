@@ -35,6 +35,12 @@ TEMPLATES = {
         "its raw samples were first corrected by a stored calibration ({origin}, {methods}; "
         "{match}; when the session was recorded, and how long from that, is unknown)",
     ),
+    "calibration.stored_warning": Template(
+        WARNING,
+        "its stored calibration says of the {triad}: {sentence}",
+        "",
+        "when it is calibrated again: {remedy}",
+    ),
     "calibration.none_of_this_sensor": Template(
         WARNING,
         "no stored calibration is of this sensor; its raw samples were left as they are",
