@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from testbench.evaluation import evaluate
 from testbench.evaluation.dynamics import TrueTurning
+from testbench.evaluation.flexion import JointErrors, _others
 from testbench.evaluation.orientation import sensor_errors, summarise_sensor
 from testbench.model import rotation
+from testbench.model.statistics.memory import error_series, intervals, layout, means
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import Truth
+from testbench.records.specs.protocol import JointDefinition
 from tests.evaluation.test_evaluate import true_flexion, with_flexion
-from tests.evaluation.test_metrics import estimate
+from tests.evaluation.test_metrics import N, estimate, evaluate_sensor, true_orientations, truth
 
 
 def test_the_columns_of_a_flexions_row_are_what_they_are_called(quick):
@@ -52,3 +56,37 @@ def test_settling_is_told_by_the_median_pose_and_the_slowest():
     assert total.unsettled == 0
     assert total.convergence_s == pytest.approx((wanted[1] + wanted[2]) / 2, abs=0.05)
     assert total.convergence_max_s == pytest.approx(wanted[3], abs=0.05)
+
+
+def test_the_largest_total_error_is_the_largest():
+    sizes = np.where(np.arange(N) == 77, 9.0, 1.0)
+    q = rotation.multiply(rotation.from_heading(np.radians(sizes)), true_orientations())
+    (row,), _ = evaluate_sensor(estimate(q), truth())
+    assert row.total_max_deg == pytest.approx(9.0)
+    assert row.total_rmse_deg == pytest.approx(np.sqrt((N - 1 + 81) / N))
+
+
+def test_angles_beside_the_flexion_count_only_where_they_are_defined():
+    joint = JointDefinition(sequence="ZXZ", flexion="second", proximal="a", distal="b")
+    key = ("f", joint.label)
+    true = np.tile(np.radians([10.0, 40.0, -20.0]), (8, 1))
+    defined = np.tile((np.arange(8) % 2 == 0)[:, None], (1, 3))
+    angles = true + np.radians(np.where(defined, 1.0, 90.0))
+    rows = np.arange(8)
+    errors = JointErrors(
+        *("knee", joint, rows, true[:, 1], {}, {}, {joint.label: true}, {key: angles}),
+        *([], {}, np.zeros((8, 2))),
+    )
+    (means_deg,) = _others(errors, key, rows, np.array([8]), defined)
+    assert means_deg == pytest.approx([1.0, 1.0])
+
+
+def test_an_interval_is_as_wide_as_students_t_has_it():
+    noise = np.random.default_rng(1).standard_normal(2000)
+    own = layout(np.arange(2000) / 20, [np.arange(2000)], equally=False)
+    series = error_series(own, noise)
+    known = means(own, series.mean[None])
+    found = intervals(series)
+    half = student.ppf(0.975, known.freedom[0]) * known.error[0]
+    assert known.freedom[0] < 40
+    assert found.mean == pytest.approx([known.mean[0] - half, known.mean[0] + half])
