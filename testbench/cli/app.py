@@ -16,12 +16,14 @@ from testbench.cli.filtering import filters
 from testbench.cli.gait import gait
 from testbench.cli.importing import formats, import_files
 from testbench.cli.noise import noise
+from testbench.cli.once import options_once
 from testbench.cli.options import (
     CalibrationOption,
     CompareOption,
     FiltersOption,
     JsonOption,
     ProtocolArgument,
+    RepeatsOption,
     ReturnedOption,
     RobotOption,
     SequenceOption,
@@ -29,6 +31,7 @@ from testbench.cli.options import (
     SetOption,
     TunedOption,
     analysis_request,
+    beside,
     described_by,
     exit_code,
     optional,
@@ -217,6 +220,7 @@ def evaluate(
     compare: CompareOption = None,
     sequence: SequenceOption = None,
     returned: ReturnedOption = False,
+    repeats: RepeatsOption = None,
     json: JsonOption = False,
 ) -> None:
     """Compare the estimates with the truth and judge them."""
@@ -224,7 +228,8 @@ def evaluate(
 
     opened = _open(session)
     asked = analysis_request(filters, parameters, calibration, tuned)
-    result = judge_again(opened, described_by(asked, compare, sequence, returned))
+    wanted = beside(described_by(asked, compare, sequence, returned), repeats)
+    result = judge_again(opened, wanted)
     if json:
         say_json(result.to_dict())
     else:
@@ -243,6 +248,7 @@ def report(
     compare: CompareOption = None,
     sequence: SequenceOption = None,
     returned: ReturnedOption = False,
+    repeats: RepeatsOption = None,
     json: JsonOption = False,
 ) -> None:
     """Estimate, evaluate and write report.html anew."""
@@ -250,7 +256,8 @@ def report(
 
     opened = _open(session)
     asked = analysis_request(filters, parameters, calibration, tuned)
-    result = analyse(opened, described_by(asked, compare, sequence, returned))
+    wanted = beside(described_by(asked, compare, sequence, returned), repeats)
+    result = analyse(opened, wanted)
     if json:
         say_json(result.to_dict())
     else:
@@ -410,6 +417,9 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
             f"go on: testbench run --resume {recovered.path}, on a real arm with --arm and its "
             "options"
         )
+
+
+options_once(app)
 
 
 def _open(path: Path) -> Session:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from testbench.cli.options import JsonOption, SessionArgument
+from testbench.cli.options import CalibrationOption, JsonOption, SessionArgument
 from testbench.cli.output import say, say_findings, say_json, say_table
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ def gait(
         Floor,
         typer.Option("--floor", help="Whether all stands of a foot are equally high; else found."),
     ] = Floor.found,
+    calibration: CalibrationOption = None,
     cycles: Annotated[
         int | None, typer.Option("--cycles", help="Strides of one leg, as counted: judges.")
     ] = None,
@@ -113,6 +114,7 @@ def gait(
         parameters=parameters,
         filter=filter_name,
         floor=chosen,
+        calibrations=None if calibration is None else str(calibration),
         cycles=cycles,
         distance_m=distance,
         corners_m=_corners(corners),

@@ -94,6 +94,15 @@ SequenceOption = Annotated[
         "that is in gimbal lock.",
     ),
 ]
+RepeatsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--repeats",
+        metavar="FOLDER",
+        help="Folder with further sessions of the same protocol: their scatter tells what another "
+        "part, mounting or power-up changes.",
+    ),
+]
 ReturnedOption = Annotated[
     bool,
     typer.Option(
@@ -157,6 +166,11 @@ def analysis_request(
         tunings=tuple(map(str, tuned or ())),
         report=report,
     )
+
+
+def beside(asked: AnalysisRequest, repeats: Path | None) -> AnalysisRequest:
+    """A request with a folder of further sessions of the same protocol."""
+    return asked.model_copy(update={"repeats": None if repeats is None else str(repeats)})
 
 
 def described_by(

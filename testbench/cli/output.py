@@ -268,6 +268,7 @@ def say_evaluation(
         _say_chain(evaluation)
     if evaluation.orientation:
         _say_orientation(evaluation)
+    _say_repeats(evaluation)
     say_noise(evaluation.noise)
     say_findings(evaluation.findings)
     say(f"outcome: {evaluation.verdict}")
@@ -279,10 +280,17 @@ def say_evaluation(
 
 
 def _say_verdict(evaluation: Evaluation) -> None:
-    """Metrics with limits, and whether they keep them."""
+    """Metrics with limits, and whether they keep them; what equal sessions say, where some are
+    named.
+    """
+    more = (
+        ["sd of sessions", "otherwise [%]"]
+        if any(metric.sessions for metric in evaluation.metrics)
+        else []
+    )
     say_table(
         "Verdict",
-        ["metric", "filter", "section", "value", "U", "lower", "upper", "outcome"],
+        ["metric", "filter", "section", "value", "U", "lower", "upper", "outcome", *more],
         [
             [
                 m.name,
@@ -293,9 +301,39 @@ def _say_verdict(evaluation: Evaluation) -> None:
                 m.lower,
                 m.upper,
                 m.outcome.words,
+                *((m.session_sd, m.otherwise_percent) if more else ()),
             ]
             for m in evaluation.metrics
             if m.outcome is not None
+        ],
+    )
+
+
+def _say_repeats(evaluation: Evaluation) -> None:
+    """What sessions of the same protocol scatter by, of what has a limit or is ranked."""
+    sessions = evaluation.repeated_sessions
+    if not sessions:
+        return
+    limited = {m.name for m in evaluation.metrics if m.outcome is not None}
+    ranked = ("flexion_mean_abs_error_deg", "total_rmse_deg")
+    parts = {session.part for session in sessions}
+    say_table(
+        f"Over {len(sessions)} sessions of this protocol"
+        + ("" if None in parts else f", {len(parts)} {'part' if len(parts) == 1 else 'parts'}"),
+        ["metric", "filter", "section", "sequence", "this one", "mean", "sd", "another, 95 %"],
+        [
+            [
+                row.name,
+                row.filter or "",
+                row.section or "",
+                row.sequence or "",
+                row.values[0],
+                row.mean,
+                row.sd,
+                " to ".join(f"{end:.2f}" for end in row.another_95 or ()) + f" {row.unit}",
+            ]
+            for row in evaluation.repeats
+            if row.name in limited or row.name.partition(".")[2] in ranked
         ],
     )
 
@@ -319,7 +357,7 @@ def _say_flexion(evaluation: Evaluation) -> None:
     }
     groups = _groups(evaluation, keys)
     say_table(
-        "Flexion error [deg]; U: of the truth (k = 2); filters that share a letter were not "
+        "Flexion error [deg]; U: of the truth (95 %); filters that share a letter were not "
         "shown to differ",
         [
             "joint",
@@ -367,7 +405,7 @@ def _say_angles(evaluation: Evaluation) -> None:
 def _say_chain(evaluation: Evaluation) -> None:
     """Errors of the joints of the chain."""
     say_table(
-        "Joints of the chain, error [deg]; U: of the truth (k = 2); covered: errors within "
+        "Joints of the chain, error [deg]; U: of the truth (95 %); covered: errors within "
         "1.96 of the stated uncertainty",
         [
             "section",

@@ -21,6 +21,10 @@ MOVES = np.radians(2.0)
 """An angle whose standard deviation is less tells nothing of sign and unit [rad]."""
 REVERSED = -0.8
 """Correlation of an angle with its truth from which on one of them counts the other way."""
+UNLIKE = 0.8
+"""A flexion that correlates less with its truth, either way, is said to be hardly alike: joints of
+one walk reach 0.7 where their rates fit best.
+"""
 ALIKE, BETTER = 0.9, 0.5
 """Correlation of angles that are one, and by how much an exchange must make the sum of two better.
 """
@@ -166,6 +170,8 @@ def _conventions(
             yield finding("truth.angle_unit", angle=names[i], ratio=ratio, factor=factor)
         elif moves and r[i, i] < REVERSED:
             yield finding("truth.angle_reversed", angle=names[i], correlation=float(r[i, i]))
+        elif moves and i == INDEX[joint.flexion] and size[i, i] < UNLIKE:
+            yield finding("truth.angle_unlike", angle=names[i], correlation=float(size[i, i]))
         else:
             yield from _told_offset(names[i], rotation.wrap(estimated[:, i] - true[:, i]))
 

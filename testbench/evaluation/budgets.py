@@ -11,18 +11,22 @@ import numpy as np
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.flexion import JointErrors
 from testbench.evaluation.sensitivity import (
-    flexion_by_joints,
+    flexion_by_arm,
     judged_configurations,
-    turning_by_joints,
+)
+from testbench.evaluation.time_lines import (
+    STILL_DEG,
+    JudgedMotion,
+    TimeDoubt,
+    arm_time_source,
+    clock_source,
+    group_delay_source,
 )
 from testbench.evaluation.turning import judged_motion, judged_swing, length_of
 from testbench.evaluation.uncertainty import (
-    STILL_DEG,
     ArmSensitivity,
-    JudgedMotion,
     alignment_source,
     arm_sources,
-    clock_source,
     combine,
     levelling_source,
     mounting_source,
@@ -107,45 +111,57 @@ def _joint_budget(
     aligned = session.analysis.estimate.align
     counted = [rows for _, rows in judged]
     ends = (errors.joint.proximal, errors.joint.distal)
-    clocks, missing = _clocks(
-        estimate,
-        {
-            name: judged_motion(errors.time_ns, errors.turned[:, i], counted)
-            for i, name in enumerate(ends)
-        },
-    )
+    motions = {
+        name: judged_motion(errors.time_ns, errors.turned[:, i], counted)
+        for i, name in enumerate(ends)
+    }
+    whole = judged_motion(errors.time_ns, errors.reference, counted)
+    times = _times(session, estimate, motions, whole)
     steps = [step for step, _ in judged]
     configurations = None if arm is None else judged_configurations(arm.samples, steps)
     if arm is None or configurations is None:
-        known = [sd for name in ends if (sd := _fitted_sd(estimate.sensors[name])) is not None]
-        frames = alignment_source(
-            None, aligned, None, float(np.sqrt(np.sum(np.square(known)))) if known else None
-        )
-        return combine(
-            errors.name, "flexion", section, [*clocks, frames], [UNKNOWN_TRUTH, *missing]
-        )
+        return _foreign_budget(estimate, errors, section, aligned, times)
     placed, joint = session.analysis.sensors, errors.joint
-    by_joints, by_mounting = flexion_by_joints(arm.kinematics, placed, joint, configurations.q)
+    by_arm, by_mounting = flexion_by_arm(arm.kinematics, placed, joint, configurations.q)
     pose = arm.reference_pose(session)
     at_reference = (
-        None
-        if pose is None
-        else np.abs(flexion_by_joints(arm.kinematics, placed, joint, pose)[0][0])
+        None if pose is None else np.abs(flexion_by_arm(arm.kinematics, placed, joint, pose)[0][0])
     )
     weight = np.full(len(steps), 1 / len(steps))
-    c = ArmSensitivity(by_joints, np.abs(by_joints), configurations.step, weight, at_reference)
+    joints = len(arm.robot.joint_names)
+    c = ArmSensitivity(by_arm, np.abs(by_arm), configurations.step, weight, at_reference, joints)
     mounting = ArmSensitivity(
-        by_mounting, np.abs(by_mounting), configurations.step, weight, None
+        by_mounting, np.abs(by_mounting), configurations.step, weight, None, 0
     ).constant()
     sources = [
-        *arm_sources(arm.robot, arm.samples, steps, c),
+        *arm_sources(arm.robot, arm.kinematics.twists, arm.samples, steps, c),
         mounting_source(
             arm.robot, aligned, *(float(np.sqrt(np.sum(part**2))) for part in mounting)
         ),
-        *clocks,
+        *times.lines,
         alignment_source(arm.robot, aligned, c, None),
     ]
-    return combine(errors.name, "flexion", section, sources, missing)
+    return combine(errors.name, "flexion", section, sources, times.missing, times.assumed)
+
+
+def _foreign_budget(
+    estimate: Estimate, errors: JointErrors, section: str, aligned: str, times: _Times
+) -> UncertaintyBudget:
+    """The budget of a flexion whose truth is orientations by another system.
+
+    Args:
+        estimate: With the fits of the frames.
+        errors: Of the joint.
+        section: That is judged.
+        aligned: Method of the alignment of frames.
+        times: Lines of the sensors' times.
+    """
+    ends = (errors.joint.proximal, errors.joint.distal)
+    known = [sd for name in ends if (sd := _fitted_sd(estimate.sensors[name])) is not None]
+    together = float(np.sqrt(np.sum(np.square(known)))) if known else None
+    lines = [*times.lines, alignment_source(None, aligned, None, together)]
+    missing = [UNKNOWN_TRUTH, *times.missing]
+    return combine(errors.name, "flexion", section, lines, missing, times.assumed)
 
 
 def _of_true_angles(
@@ -165,20 +181,17 @@ def _of_true_angles(
     return combine(errors.name, "flexion", section, lines, [UNKNOWN_TRUTH])
 
 
-def flexion_clock_sd(estimate: Estimate, errors: JointErrors) -> float:
-    """Standard uncertainty of a flexion's time [s]: of its sensors' clocks, by how much each of
-    them makes it turn.
+def flexion_time_sd(session: Session, estimate: Estimate, errors: JointErrors) -> float:
+    """Standard uncertainty of a flexion's time [s]: of its sensors' clocks and of the delays of
+    their gyroscopes, by how much each of them makes it turn.
     """
     if errors.clock is not None:
         return float(np.nan_to_num(errors.clock.offset_sd_s))
     rates = np.gradient(errors.turned, errors.time_ns / NANOSECONDS, axis=0)
     moved = np.nanmean(rates[np.concatenate([rows for _, rows in errors.steps])] ** 2, axis=0)
-    clocks = [
-        estimate.sensors[name].clock.offset_sd_s
-        for name in (errors.joint.proximal, errors.joint.distal)
-    ]
-    known = np.nan_to_num(clocks)
-    return float(np.sqrt(np.sum(moved * known**2) / max(float(moved.sum()), 1e-300)))
+    doubt = TimeDoubt.of(session, estimate)
+    known = [doubt.sd(estimate, name) for name in (errors.joint.proximal, errors.joint.distal)]
+    return float(np.sqrt(np.sum(moved * np.square(known)) / max(float(moved.sum()), 1e-300)))
 
 
 def unknown_time(sensor: str) -> str:
@@ -188,19 +201,41 @@ def unknown_time(sensor: str) -> str:
     return f"the time of sensor '{sensor}' is not known, and its motion is judged"
 
 
-def _clocks(
-    estimate: Estimate, motions: dict[str, JudgedMotion]
-) -> tuple[list[UncertaintySource], list[str]]:
-    """The line of each sensor's clock, and what is missing of them, by the motion of the truth that
-    each makes.
+@dataclass(frozen=True)
+class _Times:
+    """Lines of a budget that come from time, what is missing of them, and what was assumed."""
+
+    lines: list[UncertaintySource]
+    missing: list[str]
+    assumed: list[str]
+
+
+def _times(
+    session: Session,
+    estimate: Estimate,
+    motions: dict[str, JudgedMotion],
+    whole: JudgedMotion,
+) -> _Times:
+    """The lines of each sensor's clock and of the delay of its gyroscope, and of the arm's time.
+
+    Args:
+        session: The recording.
+        estimate: With the fits of the clocks.
+        motions: Of the truth, as far as each sensor makes it.
+        whole: Of the truth.
     """
-    lines = {
+    doubt = TimeDoubt.of(session, estimate)
+    clocks = {
         name: clock_source(name, estimate.sensors[name].clock, motion)
         for name, motion in motions.items()
     }
-    return [line for line in lines.values() if line is not None], [
-        unknown_time(k) for k, line in lines.items() if line is None
-    ]
+    delays = [group_delay_source(name, doubt, motion) for name, motion in motions.items()]
+    lines = [*clocks.values(), *delays, arm_time_source(doubt, whole)]
+    return _Times(
+        [line for line in lines if line is not None],
+        [unknown_time(name) for name, line in clocks.items() if line is None],
+        doubt.notes(list(motions)),
+    )
 
 
 def chain_budget(
@@ -218,8 +253,9 @@ def chain_budget(
     """
     time = chain.host_time_ns[true.judged]
     motion = judged_motion(chain.host_time_ns, true.angle, [np.flatnonzero(true.judged)])
-    clocks, missing = _clocks(estimate, _chain_clocks(session, estimate, chain, time, motion))
-    missing += [UNKNOWN_TRUTH] if arm is None else []
+    moving = _chain_clocks(session, estimate, chain, time, motion)
+    times = _times(session, estimate, moving, motion)
+    missing = [*times.missing, *([UNKNOWN_TRUTH] if arm is None else [])]
     steps = [step for step in session.steps if step.section == chain.section]
     counts = np.array(
         [np.diff(np.searchsorted(time, [step.start_ns, step.end_ns]))[0] for step in steps]
@@ -229,9 +265,11 @@ def chain_budget(
     if arm is not None:
         own = np.zeros((len(steps), len(arm.robot.joint_names)))
         own[:, arm.robot.joint_names.index(joint)] = 1.0
-        c = ArmSensitivity(own, own, np.arange(len(steps)), counts[counts > 0] / counts.sum(), None)
-        sources = arm_sources(arm.robot, arm.samples, steps, c)
-    return combine(joint, "angle", chain.section, [*sources, *clocks], missing)
+        weight = counts[counts > 0] / counts.sum()
+        c = ArmSensitivity(own, own, np.arange(len(steps)), weight, None, own.shape[1])
+        sources = arm_sources(arm.robot, [], arm.samples, steps, c)
+    lines = [*sources, *times.lines]
+    return combine(joint, "angle", chain.section, lines, missing, times.assumed)
 
 
 def _chain_clocks(
@@ -292,13 +330,10 @@ def sensor_budgets(
     configurations = None if arm is None else judged_configurations(arm.samples, steps)
     axes = reference = None
     if arm is not None and configurations is not None:
-        axes = turning_by_joints(arm.kinematics, session.analysis.sensors[name], configurations.q)
+        link = session.analysis.sensors[name].link
+        axes = arm.kinematics.error_axes(link, configurations.q)
         pose = arm.reference_pose(session)
-        reference = (
-            None
-            if pose is None
-            else turning_by_joints(arm.kinematics, session.analysis.sensors[name], pose)[0]
-        )
+        reference = None if pose is None else arm.kinematics.error_axes(link, pose)[0]
     budgets = []
     for part in PARTS:
         speed = length_of(turning, part) if len(turning) else np.zeros(1)
@@ -312,12 +347,13 @@ def sensor_budgets(
             if np.isfinite(sensor.clock.offset_sd_s)
             else max(judged_swing(q, part) for q in whole)
         )
-        clocks, missing = _clocks(
-            estimate, {name: JudgedMotion(mean_rate, float(np.sqrt(np.mean(speed**2))), swing)}
-        )
+        motion = JudgedMotion(mean_rate, float(np.sqrt(np.mean(speed**2))), swing)
+        times = _times(session, estimate, {name: motion}, motion)
         if arm is None or axes is None or configurations is None:
             frames = alignment_source(None, aligned, None, _fitted_sd(sensor))
-            budgets.append(combine(name, part, None, [*clocks, frames], [UNKNOWN_TRUTH, *missing]))
+            lines = [*times.lines, frames]
+            missing = [UNKNOWN_TRUTH, *times.missing]
+            budgets.append(combine(name, part, None, lines, missing, times.assumed))
             continue
         size = length_of(axes, part)
         c = ArmSensitivity(
@@ -326,19 +362,20 @@ def sensor_budgets(
             configurations.step,
             counts[counts > 0] / counts.sum(),
             None if reference is None else length_of(reference, part),
+            len(arm.robot.joint_names),
         )
         # Axes of the sensor that a mounting error turns it about: all three, the vertical ones, the
         # level ones.
         mounted = {"total": np.sqrt(3.0), "heading": 1.0, "inclination": np.sqrt(2.0)}[part]
         lasting = _mean_vertical(true.q[judged]) if part == "heading" else mounted
         sources = [
-            *arm_sources(arm.robot, arm.samples, steps, c),
+            *arm_sources(arm.robot, arm.kinematics.twists, arm.samples, steps, c),
             None if part == "heading" else levelling_source(arm.robot, float(np.sqrt(2.0))),
             mounting_source(arm.robot, aligned, lasting, mounted),
-            *clocks,
+            *times.lines,
             alignment_source(arm.robot, aligned, c, None),
         ]
-        budgets.append(combine(name, part, None, sources, missing))
+        budgets.append(combine(name, part, None, sources, times.missing, times.assumed))
     return budgets
 
 

@@ -12,6 +12,7 @@ from numba import njit
 
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.statistics.lasting import lasting_sd
 from testbench.model.windows import moving_mean
 from testbench.records.session.plan import PlannedStep
 
@@ -27,6 +28,12 @@ sides [s].
 """
 LEAST_RATE = np.radians(1.0)
 """An RMS rate below this says nothing of a delay [rad/s]."""
+LONG_S = 40.0
+"""Motions of this time in all hold twenty such clusters; of shorter ones the law of their errors is
+looked for [s].
+"""
+PIECES, LONGEST_PIECE_S = 100, 0.1
+"""Into how many pieces short sweeps are averaged for that, and the longest of them [s]."""
 _STEP_S = 2e-3
 _LONGEST_S = 0.5
 _ITERATIONS = 10
@@ -42,8 +49,10 @@ def angle_delay(
 ) -> Delay | None:
     """The delay of an estimated angle behind the true one.
 
-    Least squares of estimated(t) = b + g true(t - delay), with an own b for each sweep, by
-    Gauss-Newton; the uncertainty lets residuals hang together over 2 s (Liang & Zeger 1986).
+    Least squares of estimated(t) = b + c t + g true(t - delay), with an own b and c for each sweep,
+    by Gauss-Newton: an error that drifts through a sweep which goes there and back looks like a
+    delay. The uncertainty lets residuals last by a law of first order, and those of motions of more
+    than 40 s hang together over 2 s (Liang & Zeger 1986).
 
     Args:
         time_ns: Increasing, shape (n,) [ns].
@@ -65,7 +74,9 @@ def angle_delay(
         return None
     which = np.repeat(np.arange(len(sweeps)), [len(sweep) for sweep in sweeps])
     time = (time_ns - time_ns[rows[0]]) / NANOSECONDS
-    t, y = time[rows], _centred(estimated[rows], which)
+    t = time[rows]
+    passed = _centred(t, which)
+    y = _without_drift(estimated[rows], passed, which)
     known_time, known_angle = time[known], true[known]
     delay = 0.0
     for _ in range(_ITERATIONS):
@@ -73,7 +84,9 @@ def angle_delay(
             np.interp(t - delay + s, known_time, known_angle) for s in (0.0, -_STEP_S, _STEP_S)
         )
         rate = (after - before) / (2 * _STEP_S)
-        x = np.column_stack([_centred(late, which), -_centred(rate, which)])
+        x = np.column_stack(
+            [_without_drift(late, passed, which), -_without_drift(rate, passed, which)]
+        )
         if not np.sqrt(np.mean(x[:, 1] ** 2)) > LEAST_RATE:
             return None
         gain, step = np.linalg.lstsq(x, y, rcond=None)[0]
@@ -84,10 +97,36 @@ def angle_delay(
             return None
         if abs(step) < 1e-6:
             break
-    residual = y - x @ np.array([gain, step])
-    return delay, _clustered_sd(x, residual, _runs(np.floor(t / CLUSTER_S) + 1e6 * which)) / abs(
-        float(gain)
-    )
+    if len(t) * float(np.median(np.diff(t))) > LONG_S:
+        residual = y - x @ np.array([gain, step])
+        sd = _clustered_sd(x, residual, _runs(np.floor(t / CLUSTER_S) + 1e6 * which))
+    else:
+        sd = _sweeps_sd(t, estimated[rows], np.column_stack([late, -rate]), x, which)
+    return delay, sd / abs(float(gain))
+
+
+def _sweeps_sd(
+    t: np.ndarray, estimated: np.ndarray, columns: np.ndarray, x: np.ndarray, which: np.ndarray
+) -> float:
+    """Standard uncertainty of the last coefficient of a fit to short sweeps.
+
+    Their drift is not among what explains the angles here: it shows how slow the errors are.
+
+    Args:
+        t: Shape (n,) [s].
+        estimated: Angle, shape (n,) [rad].
+        columns: True angle and less its rate, shape (n, 2).
+        x: The same without offset and drift of each sweep, shape (n, 2).
+        which: Sweep that each row belongs to, shape (n,).
+    """
+    count = which[-1] + 1
+    label = _runs(np.floor((t - t[0]) / _piece_s(t)) + 1e6 * which)
+    size = np.bincount(label)
+    means = [np.bincount(label, column) / size for column in (t, estimated, *columns.T, which)]
+    offsets = (means[-1][:, None] == np.arange(count)).astype(float)
+    influence = np.bincount(label, x @ np.linalg.pinv(x.T @ x)[:, -1])
+    explained = np.column_stack([offsets, means[2], means[3]])
+    return lasting_sd(means[0], explained, means[1], influence)
 
 
 @dataclass(frozen=True)
@@ -138,7 +177,7 @@ def orientation_delay(
 
     An estimate that is late by d has the error -d w, with w the true angular rate; d by least
     squares over all three axes, after slow errors are taken out of both by the same moving average.
-    Its uncertainty lets residuals hang together over 2 s.
+    Its uncertainty is that of the delay of an angle.
 
     Args:
         q_estimated: q_world_from_sensor, shape (n, 4).
@@ -157,17 +196,43 @@ def orientation_delay(
         return None
     time = (true.time_ns - true.time_ns[0]) / NANOSECONDS
     cluster = _runs(np.floor(time[usable] / CLUSTER_S))
-    products, squares = _sums_by_cluster(
-        _without_slow(np.nan_to_num(error), true.window), true.fast_rate, usable, cluster
-    )
+    fast = _without_slow(np.nan_to_num(error), true.window)
+    products, squares = _sums_by_cluster(fast, true.fast_rate, usable, cluster)
     size = float(squares.sum())
     if not np.sqrt(size / count) > LEAST_RATE:
         return None
     delay = -float(products.sum()) / size
     if abs(delay) > _LONGEST_S:
         return None
+    if count * float(np.median(np.diff(time))) <= LONG_S:
+        return delay, _axes_sd(time[usable], fast[usable], true.fast_rate[usable])
     scores = products + delay * squares
     return delay, float(np.sqrt(np.sum(scores**2) * (len(scores) / max(len(scores) - 1, 1)))) / size
+
+
+def _axes_sd(t: np.ndarray, error: np.ndarray, rate: np.ndarray) -> float:
+    """Standard uncertainty of the delay of an orientation in short motions, its axes together.
+
+    Args:
+        t: Shape (n,) [s].
+        error: Without what is slow, shape (n, 3) [rad].
+        rate: The true one, without what is slow, shape (n, 3) [rad/s].
+    """
+    label = _runs(np.floor((t - t[0]) / _piece_s(t)))
+    size, squares = np.bincount(label), float(np.sum(rate**2))
+    time = np.bincount(label, t) / size
+    sds = []
+    for axis in range(3):
+        mean_error, mean_rate = (np.bincount(label, own[:, axis]) / size for own in (error, rate))
+        influence = np.bincount(label, rate[:, axis]) / squares
+        sds.append(lasting_sd(time, mean_rate[:, None], mean_error, influence))
+    return float(np.linalg.norm(sds))
+
+
+def _piece_s(t: np.ndarray) -> float:
+    """How long the pieces are that short motions are averaged to [s]."""
+    lasted = len(t) * float(np.median(np.diff(t)))
+    return min(lasted / PIECES, LONGEST_PIECE_S)
 
 
 @njit(cache=True)
@@ -214,6 +279,20 @@ def _centred(values: np.ndarray, which: np.ndarray) -> np.ndarray:
     return np.asarray(values - means[which])
 
 
+def _without_drift(values: np.ndarray, passed: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """Values less the straight line through those of their sweep.
+
+    Args:
+        values: Shape (n,).
+        passed: Time since the middle of the sweep, shape (n,) [s].
+        which: Sweep of each, shape (n,).
+    """
+    centred = _centred(values, which)
+    squares = np.maximum(np.bincount(which, passed**2), 1e-300)
+    slopes = np.bincount(which, passed * centred) / squares
+    return np.asarray(centred - slopes[which] * passed)
+
+
 def _runs(label: np.ndarray) -> np.ndarray:
     """Number of the run of equal labels that each belongs to, from 0, shape (n,)."""
     return np.cumsum(np.diff(label, prepend=label[:1]) != 0)
@@ -252,6 +331,23 @@ def convergence_times(
     ends = np.array([step.end_ns for step in steps], dtype=np.int64)
     first, last = np.searchsorted(time_ns, begins), np.searchsorted(time_ns, ends, side="right")
     return np.asarray(_settled_after(time_ns, error, first, last, begins, float(CONVERGENCE_BAND)))
+
+
+def settling_sd(times: Sequence[float], interval_s: float, time_sd: float) -> float:
+    """Standard uncertainty of the median of settling times [s].
+
+    It is their own scatter (of a median of normal values, 1.25 of that of their mean), the interval
+    between samples within which an error enters its band (rectangular), and the clock's.
+
+    Args:
+        times: In which the error settled, at least one [s].
+        interval_s: Between samples [s].
+        time_sd: Standard uncertainty of the sensor's time [s].
+    """
+    count = len(times)
+    of_median = np.sqrt(np.pi / 2) if count > 2 else 1.0
+    scatter = of_median * np.std(times, ddof=1) / np.sqrt(count) if count > 1 else 0.0
+    return float(np.sqrt(scatter**2 + interval_s**2 / 12 + time_sd**2))
 
 
 @njit(cache=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from testbench.evaluation.angle_errors import angle_error_rows, convention_findings
 from testbench.evaluation.arm_time import arm_findings
-from testbench.evaluation.budgets import TrueArm, flexion_clock_sd, joint_budgets, sensor_budgets
+from testbench.evaluation.budgets import TrueArm, flexion_time_sd, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
 from testbench.evaluation.cycles import Found, cycle_findings, cycle_tables, joint_cycles
 from testbench.evaluation.differences import difference_tables
@@ -37,6 +37,8 @@ from testbench.evaluation.orientation import (
     sweep_rows,
 )
 from testbench.evaluation.outliers import outlier_rows
+from testbench.evaluation.repeatability import EqualSessions
+from testbench.evaluation.time_lines import TimeDoubt
 from testbench.evaluation.unjudged import (
     FoundCycle,
     found_cycle_tables,
@@ -116,7 +118,9 @@ def evaluate(
     tables = ResultTables.joined([*parts, chain, cycle_tables(cycles + found)])
     if not (tables.orientation or tables.joint_angle or tables.chain):
         tables = replace(tables, findings=_nothing_judged(session, whole, tables.findings))
-    metrics, outcome = judge(session.analysis, summarise_metrics(tables) + norms)
+    named = {limit.repeatability for limit in session.analysis.accept if limit.repeatability}
+    equal = {folder: EqualSessions.beside(session, folder) for folder in sorted(named)}
+    metrics, outcome = judge(session.analysis, summarise_metrics(tables) + norms, equal)
     tables = replace(tables, findings=tables.findings + _unjudged(metrics))
     if (
         session.status is not RunStatus.COMPLETED
@@ -307,21 +311,22 @@ def _orientation_tables(
     if not errors.judged.any():
         return parts
     true = TrueTurning.of(sensor.host_time_ns, errors.q_true)
+    doubt = TimeDoubt.of(session, estimate)
     budgets = sensor_budgets(session, estimate, name, true, errors.judged, steps or [], arm)
     ranks, comparisons = rank_sensor(errors)
     parts.append(
         ResultTables(
+            findings=doubt.findings(name),
             uncertainty=budgets,
-            orientation_summary=summarise_sensor(errors, budgets, true),
+            orientation_summary=summarise_sensor(errors, budgets, true, doubt.sd(estimate, name)),
             orientation_sweeps=sweep_rows(errors),
             ranking=ranks,
             comparisons=comparisons,
         )
     )
     deviation = None if samples is None else field_deviation(errors, samples, session.steps)
-    if deviation is not None:
-        parts.append(_magnetic_tables(name, errors, deviation))
-    return parts
+    magnetic = [] if deviation is None else [_magnetic_tables(name, errors, deviation)]
+    return parts + magnetic
 
 
 def _magnetic_tables(name: str, errors: SensorErrors, deviation: FieldDeviation) -> ResultTables:
@@ -401,11 +406,11 @@ def _joint_tables(
         told = [finding("judged.no_truth_of_joint", where)] if unknown else []
         told += [own.at(where) for own in joint.findings]
         return ResultTables(findings=told), []
-    clock_sd = flexion_clock_sd(estimate, errors) if errors.steps else 0.0
+    time_sd = flexion_time_sd(session, estimate, errors) if errors.steps else 0.0
     cycles = joint_cycles(errors)
-    rows = joint_rows(errors, clock_sd)
+    rows = joint_rows(errors, time_sd)
     budgets = joint_budgets(session, estimate, errors, arm)
-    summaries, ranks, comparisons = summarise_joint(errors, rows, budgets, clock_sd)
+    summaries, ranks, comparisons = summarise_joint(errors, rows, budgets, time_sd)
     where = f"joint '{name}'"
     told = errors.findings + [own.at(where) for own in joint.findings] + covered(errors, joint)
     if errors.clock is not None:

@@ -12,7 +12,6 @@ from testbench.evaluation.dynamics import amplitude_and_frequency, angle_delay, 
 from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.left_out import left_out
 from testbench.evaluation.metrics import Summary, correlation, summarise_each
-from testbench.evaluation.true_angles import told_angles
 from testbench.evaluation.turning import turned_by_sensor
 from testbench.model import rotation
 from testbench.model.joint_angle import (
@@ -24,6 +23,7 @@ from testbench.model.joint_angle import (
     nearest_turn,
     unwrapped,
 )
+from testbench.model.told_angles import told_angles
 from testbench.model.true_segment import true_segment
 from testbench.model.truth import WIDEST_GAP_NS, truth_at
 from testbench.records.findings.catalogue import finding
@@ -118,13 +118,12 @@ def joint_errors(
     time = joint_estimate.host_time_ns
     clock = joint_estimate.true_clock
     if clock is not None:
-        told = told_angles(session, name, joint_estimate)
-        truth = None if told is None else (told, np.full((len(time), 2), np.nan))
+        truth = _told_angles(session, name, joint_estimate)
     else:
         truth = _true_angles(session, joint, time)
     if truth is None:
         return None
-    true_angles, turned = truth
+    true_angles, turned, held = truth
     static, sound = _both_sensors(estimate, joint, time)
     reference = _reference(session, joint, true_angles, time)
     flexion, error = {}, {}
@@ -139,7 +138,9 @@ def joint_errors(
     counted = [(step, rows[finite[rows]]) for step, rows in rows_by_step(steps, time, static)]
     judged = [(step, rows) for step, rows in counted if len(rows)]
     total = _total_errors(joint, joint_estimate.angles, true_angles[joint.label], judged)
-    findings = left_out(f"joint '{name}'", steps, time, static, np.isfinite(reference), sound)
+    findings = held + left_out(
+        f"joint '{name}'", steps, time, static, np.isfinite(reference), sound
+    )
     own = joint_estimate.angles
     return JointErrors(
         name,
@@ -156,6 +157,20 @@ def joint_errors(
         findings,
         clock,
     )
+
+
+_Truth = tuple[dict[str, np.ndarray], np.ndarray, list[Finding]]
+"""True angles by sequence, shape (n, 3) each, what each sensor has turned the flexion by, shape (n,
+2) [rad], NaN where unknown, and what is to be said of them.
+"""
+
+
+def _told_angles(session: Session, name: str, joint: JointEstimate) -> _Truth | None:
+    """True angles by another system, which say nothing of the sensors."""
+    told = told_angles(session, name, joint)
+    if told is None:
+        return None
+    return told[0], np.full((len(joint.host_time_ns), 2), np.nan), told[1]
 
 
 def _total_errors(
@@ -200,12 +215,12 @@ def flexion_error(
     return flexion, rotation.wrap(flexion - reference)
 
 
-def joint_rows(errors: JointErrors, clock_sd: float) -> list[JointRow]:
+def joint_rows(errors: JointErrors, time_sd: float) -> list[JointRow]:
     """One row for each step, filter and sequence.
 
     Args:
         errors: Of the joint.
-        clock_sd: Standard uncertainty of the proximal sensor's time [s], part of that of a delay.
+        time_sd: Standard uncertainty of the flexion's time [s], part of that of a delay.
     """
     if not errors.steps:
         return []
@@ -234,7 +249,7 @@ def joint_rows(errors: JointErrors, clock_sd: float) -> list[JointRow]:
                     by_step[i],
                     other_mean_abs_error_deg=others[i],
                     **(
-                        _of_sweep(errors, key, rows, clock_sd) | sweeps[step.index]
+                        _of_sweep(errors, key, rows, time_sd) | sweeps[step.index]
                         if step.kind == "sweep"
                         else {"convergence_s": _known(next(settled))}
                     ),
@@ -264,14 +279,14 @@ def _measured_sweeps(errors: JointErrors) -> dict[int, dict[str, float | None]]:
 
 
 def _of_sweep(
-    errors: JointErrors, key: Key, rows: np.ndarray, clock_sd: float
+    errors: JointErrors, key: Key, rows: np.ndarray, time_sd: float
 ) -> dict[str, float | None]:
     """What is said of a filter in sweeps alone."""
     delay = angle_delay(errors.time_ns, errors.flexion[key], errors.reference, [rows])
     return {
         "flexion_correlation": correlation(errors.flexion[key][rows], errors.reference[rows]),
         "latency_ms": None if delay is None else 1e3 * delay[0],
-        "latency_sd_ms": None if delay is None else 1e3 * float(np.hypot(delay[1], clock_sd)),
+        "latency_sd_ms": None if delay is None else 1e3 * float(np.hypot(delay[1], time_sd)),
     }
 
 
@@ -291,12 +306,8 @@ def _both_sensors(
     )
 
 
-def _true_angles(
-    session: Session, joint: JointDefinition, time: np.ndarray
-) -> tuple[dict[str, np.ndarray], np.ndarray] | None:
-    """Euler angles of the segments' true orientations by sequence, shape (n, 3), and what each
-    sensor has turned the flexion by, shape (n, 2) [rad]; NaN where the truth is unknown.
-    """
+def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> _Truth | None:
+    """Euler angles of the segments' true orientations."""
     orientations = []
     for sensor in (joint.proximal, joint.distal):  # one truth at a time: they may be long
         truth = session.truth(sensor)
@@ -315,7 +326,7 @@ def _true_angles(
         angles[definition.label] = full
     turned = np.full((len(time), 2), np.nan)
     turned[known] = turned_by_sensor(world_from_proximal, world_from_distal, joint)
-    return angles, turned
+    return angles, turned, []
 
 
 def covered(errors: JointErrors, joint: JointEstimate) -> list[Finding]:

@@ -13,6 +13,8 @@ from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.gait import Gait, GaitCheck, SensorGait
 
+FARTHEST_M = 1e5
+"""Between two corners of a walk [m]."""
 HEADINGS = 720
 """Of half a degree, from which the heading of the path at its start is chosen."""
 
@@ -46,6 +48,12 @@ class WalkTruth:
             raise InputError("--corners: a path has two corners at least, its start and its end")
         if not np.isfinite(np.array(self.corners_m, dtype=float)).all():
             raise InputError("--corners: a corner is no number")
+        ways = np.diff(np.array(self.corners_m, dtype=float).reshape(-1, 2), axis=0)
+        if self.corners_m and not 0 < np.abs(ways).max() < FARTHEST_M:
+            raise InputError(
+                "--corners: a path goes from its first corner to others, less than "
+                f"{FARTHEST_M / 1000:g} km from one to the next"
+            )
 
 
 def judge_walk(found: Gait, truth: WalkTruth) -> Gait:

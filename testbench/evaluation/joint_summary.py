@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.evaluation.confidence import with_intervals
-from testbench.evaluation.dynamics import angle_delay
+from testbench.evaluation.dynamics import angle_delay, settling_sd
 from testbench.evaluation.flexion import JointErrors, Key
 from testbench.evaluation.metrics import correlation, summarise
 from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE, rank_filters
@@ -27,7 +27,7 @@ Judged = list[tuple[PlannedStep, np.ndarray]]
 
 
 def summarise_joint(
-    errors: JointErrors, rows: list[JointRow], budgets: list[UncertaintyBudget], clock_sd: float
+    errors: JointErrors, rows: list[JointRow], budgets: list[UncertaintyBudget], time_sd: float
 ) -> tuple[list[JointSummary], list[RankRow], list[Comparison]]:
     """Summaries of every section, filter and sequence, and the ranking of the filters.
 
@@ -38,7 +38,7 @@ def summarise_joint(
         errors: Of the joint.
         rows: Its rows by step.
         budgets: Of the truth, by section.
-        clock_sd: Standard uncertainty of the proximal sensor's time [s].
+        time_sd: Standard uncertainty of the flexion's time [s].
     """
     summaries: list[JointSummary] = []
     ranks: list[RankRow] = []
@@ -49,7 +49,7 @@ def summarise_joint(
             None,
         )
         own = [row for row in rows if row.section == section]
-        summaries += _section_summaries(errors, section, own, budget, clock_sd)
+        summaries += _section_summaries(errors, section, own, budget, time_sd)
         ranked, compared = _section_ranking(errors, section, steps)
         ranks += ranked
         comparisons += compared
@@ -61,7 +61,7 @@ def _section_summaries(
     section: str,
     rows: list[JointRow],
     budget: UncertaintyBudget | None,
-    clock_sd: float,
+    time_sd: float,
 ) -> list[JointSummary]:
     """Of every filter and sequence, over all steps of a section, at rest and in motion."""
     expanded = (
@@ -75,9 +75,11 @@ def _section_summaries(
         when = _layout(errors, judged)
         for key in errors.error:
             of_motion = [row for row in rows_of[key] if motion in ("all", _motion(row.kind))]
-            found = _summary(errors, key, judged, of_motion, motion, when, clock_sd)
+            found = _summary(errors, key, judged, of_motion, motion, when, time_sd)
             if motion != "dynamic":
-                found = _with_settling(found, [row for row in of_motion if row.kind != "sweep"])
+                poses = [row for row in of_motion if row.kind != "sweep"]
+                interval = float(np.median(np.diff(errors.time_ns))) / NANOSECONDS
+                found = _with_settling(found, poses, interval, time_sd)
             result.append(JointSummary(errors.name, *key, section, motion, found, *expanded))
     return result
 
@@ -136,7 +138,7 @@ def _summary(
     by_step: list[JointRow],
     motion: str,
     when: Layout | None,
-    clock_sd: float,
+    time_sd: float,
 ) -> ErrorSummary:
     """Of a section by one filter and sequence.
 
@@ -147,7 +149,7 @@ def _summary(
         by_step: What was found in each of them.
         motion: "static", "dynamic" or "all".
         when: Layout of these steps.
-        clock_sd: Standard uncertainty of the proximal sensor's time [s].
+        time_sd: Standard uncertainty of the flexion's time [s].
     """
     every = np.concatenate([rows for _, rows in judged])
     together = summarise(np.degrees(errors.error[key][every]))
@@ -174,12 +176,14 @@ def _summary(
             result = replace(
                 result,
                 latency_ms=1e3 * delay[0],
-                latency_sd_ms=1e3 * float(np.hypot(delay[1], clock_sd)),
+                latency_sd_ms=1e3 * float(np.hypot(delay[1], time_sd)),
             )
     return result
 
 
-def _with_settling(summary: ErrorSummary, rows: list[JointRow]) -> ErrorSummary:
+def _with_settling(
+    summary: ErrorSummary, rows: list[JointRow], interval_s: float, time_sd: float
+) -> ErrorSummary:
     times = [row.convergence_s for row in rows if row.convergence_s is not None]
     unsettled = len(rows) - len(times)
     if not times:
@@ -188,5 +192,6 @@ def _with_settling(summary: ErrorSummary, rows: list[JointRow]) -> ErrorSummary:
         summary,
         convergence_s=float(np.median(times)),
         convergence_max_s=float(np.max(times)),
+        convergence_sd_s=settling_sd(times, interval_s, time_sd),
         unsettled=unsettled,
     )

@@ -4,7 +4,7 @@ makes small.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,6 +100,26 @@ class Objective:
         return ([self.owner] if self.owner else known) if of_joints else None
 
 
+def knows_angles(session: Session, names: Iterable[str]) -> bool:
+    """Whether another system told true angles of some joints.
+
+    Args:
+        session: The recording.
+        names: Of the joints.
+    """
+    return any(name in session.manifest.true_angles for name in names)
+
+
+def _of_angles(session: Session, objective: Objective) -> str:
+    """What to ask for of a session whose truth is angles of joints, of whose sensors was asked."""
+    if objective.kind in OF_JOINTS or not knows_angles(session, session.analysis.joints):
+        return ""
+    return (
+        "; its truth is angles of joints, by which --objective flexion_rmse_deg (or JOINT."
+        "flexion_rmse_deg) judges"
+    )
+
+
 class SessionJudge:
     """The objective of a session.
 
@@ -109,7 +129,8 @@ class SessionJudge:
     Args:
         session: The recording.
         objective: What to compute.
-        estimate: Of the session, by no filter yet: its instants and rests.
+        estimate: Of the session, its instants and rests: by no filter yet, but where the truth is
+            angles of joints by another system, whose clock takes one.
 
     Raises:
         NotFoundError: The session has no such sensor or joint.
@@ -125,12 +146,9 @@ class SessionJudge:
         if joints is not None:
             for name in joints:
                 time = estimate.sensors[session.analysis.joints[name].proximal].host_time_ns
-                blank = Estimate(
-                    session.name,
-                    session.fingerprint,
-                    estimate.sensors,
-                    {name: JointEstimate(time, {})},
-                )
+                # of true angles by another system a filter has found the clock
+                own = estimate.joints.get(name) or JointEstimate(time, {})
+                blank = Estimate(session.name, session.fingerprint, estimate.sensors, {name: own})
                 judged = whole_recording(estimate) if steps is None else steps
                 errors = joint_errors(session, name, blank, judged)
                 if errors is not None and errors.steps:
@@ -148,11 +166,12 @@ class SessionJudge:
         if not self._sensors and not self._joints:
             raise SessionError(
                 f"{session.path}: no sample counts for {objective}: nothing is judged, or the "
-                "truth is not known"
+                f"truth is not known{_of_angles(session, objective)}"
             )
 
     def value(self, estimate: Estimate, filter_name: str) -> float:
-        """The objective by one filter; infinite where an angle that counts is no number.
+        """The objective by one filter; infinite where an angle that counts is no number, or a joint
+        of a body is not computed by it.
 
         Args:
             estimate: Of the same session, with this filter.
@@ -176,9 +195,10 @@ class SessionJudge:
             for found in self._sensors
         ]
         for found in self._joints:
-            values += self._of_joint(
-                found, estimate.joints[found.name].angles[filter_name, found.joint.label]
-            )
+            angles = estimate.joints[found.name].angles.get((filter_name, found.joint.label))
+            if angles is None:  # by such orientations nobody stands, or faces anywhere
+                return float("inf")
+            values += self._of_joint(found, angles)
         mean = float(np.mean(values))
         return mean if np.isfinite(mean) else float("inf")
 

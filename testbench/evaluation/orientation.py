@@ -223,7 +223,7 @@ ANGLES = {"heading": rotation.heading_angle, "inclination": rotation.inclination
 
 
 def summarise_sensor(
-    sensor: SensorErrors, budgets: list[UncertaintyBudget], true: TrueTurning
+    sensor: SensorErrors, budgets: list[UncertaintyBudget], true: TrueTurning, time_sd: float
 ) -> list[OrientationSummary]:
     """Every part of the error by every filter: over all judged samples, at rest and in motion.
 
@@ -231,6 +231,7 @@ def summarise_sensor(
         sensor: Its errors.
         budgets: Of the session.
         true: How the truth turns at the same instants.
+        time_sd: Standard uncertainty of the sensor's time [s].
     """
     motions = sensor.by_motion()
     result: dict[str, list[OrientationSummary]] = {motion: [] for motion in motions}
@@ -267,11 +268,10 @@ def summarise_sensor(
                 if part == "total" and motion == "dynamic":
                     delay = orientation_delay(own, true, usual)
                     if delay is not None:
-                        sd = _finite(sensor.estimate.clock.offset_sd_s)
                         found = replace(
                             found,
                             latency_ms=1e3 * delay[0],
-                            latency_sd_ms=1e3 * float(np.hypot(delay[1], sd)),
+                            latency_sd_ms=1e3 * float(np.hypot(delay[1], time_sd)),
                         )
                 if part == "total" and motion == "all":
                     found = _with_settling(found, sensor, error)
@@ -417,7 +417,3 @@ def _correlation(estimated: np.ndarray, true: np.ndarray, part: str) -> float | 
     if part == "heading":
         estimated, true = unwrapped_pair(estimated, true)
     return correlation(estimated, true)
-
-
-def _finite(value: float) -> float:
-    return value if np.isfinite(value) else 0.0

@@ -61,57 +61,51 @@ def rank_filters(
     if len(order) < 2:
         return [], []
     found = _differences(order, measured, series, held)
-    pairs = list(found)
-    sizes = {
-        name: 1.0 if criterion == MEAN_MAGNITUDE else float(np.sqrt(values[name])) for name in order
-    }
-    relevant = {
-        (a, b): LEAST_RELEVANT * (1.0 if criterion == MEAN_MAGNITUDE else sizes[a] + sizes[b])
-        for a, b in pairs
-    }
-    tests = [_exceeds(found[pair], relevant[pair]) for pair in pairs]
-    left_out = [1.0] * (math.comb(len(series), 2) - len(pairs))
+    square = criterion == MEAN_SQUARE
+    sizes = {name: float(np.sqrt(values[name])) if square else 1.0 for name in order}
+    relevant = {(a, b): LEAST_RELEVANT * (sizes[a] + sizes[b] if square else 1.0) for a, b in found}
+    shown = {name: sizes[name] if square else values[name] for name in order}
+    left_out = math.comb(len(series), 2) - len(found)
+    return ranked((owner, section, sequence, criterion), shown, found, relevant, left_out)
+
+
+def ranked(
+    place: tuple[str, str | None, str | None, str],
+    shown: dict[str, float],
+    found: dict[tuple[str, str], Difference],
+    relevant: dict[tuple[str, str], float],
+    left_out: int = 0,
+) -> tuple[list[RankRow], list[Comparison]]:
+    """Places and comparisons of filters from the differences of all pairs.
+
+    Args:
+        place: Owner, section, sequence and criterion.
+        shown: Value of each filter, best first.
+        found: Difference of each pair.
+        relevant: The least difference of each pair that counts.
+        left_out: Pairs that are not told, and count in the family nevertheless.
+    """
+    order = list(shown)
+    tests = [_exceeds(found[pair], relevant[pair]) for pair in found]
+    adjusted = holm(tests + [1.0] * left_out)[: len(tests)]
     comparisons = [
-        Comparison(
-            owner,
-            section,
-            sequence,
-            criterion,
-            *pair,
-            found[pair].mean,
-            p,
-            p_holm,
-            int(min(found[pair].memories, len(series[pair[0]].layout.rows))),
-        )
-        for pair, p, p_holm in zip(pairs, tests, holm(tests + left_out)[: len(pairs)], strict=True)
+        Comparison(*place, *pair, found[pair].mean, p, p_holm, found[pair].blocks)
+        for pair, p, p_holm in zip(found, tests, adjusted, strict=True)
     ]
     apart = {frozenset((c.first, c.second)) for c in comparisons if c.p_holm < SIGNIFICANCE}
     letters = group_letters(order, apart)
     rows = []
-    for place, name in enumerate(order):
+    for at, name in enumerate(order):
         differs = [frozenset((name, other)) in apart for other in order]
-        value = values[name] if criterion == MEAN_MAGNITUDE else float(np.sqrt(values[name]))
         alike = [
             other for other, far in zip(order, differs, strict=True) if other != name and not far
         ]
-        rows.append(
-            RankRow(
-                owner,
-                section,
-                sequence,
-                criterion,
-                name,
-                value,
-                sum(differs[:place]) + 1,
-                len(order) - sum(differs[place + 1 :]),
-                letters[name],
-                alike,
-            )
-        )
+        best, worst = sum(differs[:at]) + 1, len(order) - sum(differs[at + 1 :])
+        rows.append(RankRow(*place, name, shown[name], best, worst, letters[name], alike))
     return rows, comparisons
 
 
-class _Difference(NamedTuple):
+class Difference(NamedTuple):
     """Mean difference of a pair of filters.
 
     Attributes:
@@ -119,12 +113,14 @@ class _Difference(NamedTuple):
         error: Its standard error.
         freedom: Degrees of freedom of that.
         memories: The fewest that the section holds, of either filter's errors or the difference.
+        blocks: Independent ones, at most.
     """
 
     mean: float
     error: float
     freedom: int
     memories: float
+    blocks: int
 
 
 def _differences(
@@ -132,7 +128,7 @@ def _differences(
     measured: dict[str, np.ndarray],
     series: dict[str, ErrorSeries],
     held: dict[str, float],
-) -> dict[tuple[str, str], _Difference]:
+) -> dict[tuple[str, str], Difference]:
     """Of every pair, by the names in their order.
 
     Args:
@@ -142,19 +138,24 @@ def _differences(
         held: Memories that the section holds of these.
     """
     pairs = list(combinations(order, 2))
-    apart = means(series[order[0]].layout, np.array([measured[a] - measured[b] for a, b in pairs]))
+    layout = series[order[0]].layout
+    apart = means(layout, np.array([measured[a] - measured[b] for a, b in pairs]))
+    memories = [
+        min(float(own), held[a], held[b]) for own, (a, b) in zip(apart.memories, pairs, strict=True)
+    ]
     return {
-        (a, b): _Difference(
+        pair: Difference(
             float(apart.mean[i]),
             float(apart.error[i]),
             int(apart.freedom[i]),
-            min(float(apart.memories[i]), held[a], held[b]),
+            memories[i],
+            int(min(memories[i], len(layout.rows))),
         )
-        for i, (a, b) in enumerate(pairs)
+        for i, pair in enumerate(pairs)
     }
 
 
-def _exceeds(found: _Difference, relevant: float) -> float:
+def _exceeds(found: Difference, relevant: float) -> float:
     """The two-sided p of a mean difference being larger than what is relevant.
 
     It is 1 for a difference that lasts too long to tell.

@@ -1,5 +1,8 @@
-"""How the truth answers to the angles of the arm's joints: sensitivity coefficients by finite
-differences of the kinematics.
+"""How the truth answers to what the arm may be wrong by, the zeros of its joints and the twists of
+its links: sensitivity coefficients by finite differences.
+
+An error of a zero or of a twist turns all that the joint carries about an axis that the arm's
+configuration gives, exactly; what that does to an angle is a finite difference of its definition.
 """
 
 from __future__ import annotations
@@ -13,7 +16,6 @@ from testbench.model import rotation
 from testbench.model.joint_angle import (
     INDEX,
     joint_angles,
-    segment_from_sensor,
     segment_orientation,
 )
 from testbench.model.kinematics import Kinematics, Pose
@@ -62,10 +64,10 @@ def judged_configurations(arm: ArmSamples, steps: list[PlannedStep]) -> Configur
     return Configurations(np.concatenate(angles), np.array(which)) if angles else None
 
 
-def flexion_by_joints(
+def flexion_by_arm(
     kinematics: Kinematics, sensors: dict[str, Sensor], joint: JointDefinition, q: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Change of the true flexion with each joint's angle, and with each sensor's mounting.
+    """Change of the true flexion with each error of the arm, and with each sensor's mounting.
 
     Args:
         kinematics: Of the arm.
@@ -74,47 +76,64 @@ def flexion_by_joints(
         q: Shape (m, n_joints) [rad].
 
     Returns:
-        By joint angles, shape (m, n_joints) [1]; by rotations of the proximal and the distal sensor
-        about their axes, shape (m, 6) [1]. Where the angle has a kink (the middle angle of a
-        symmetric sequence at 0), the larger one-sided change.
+        By zeros of the joints and by twists of the links, in the order of `Kinematics.error_axes`,
+        shape (m, n_joints + twists) [1]; by rotations of the proximal and the distal sensor about
+        their axes, shape (m, 6) [1]. Where the angle has a kink (the middle angle of a symmetric
+        sequence at 0), the larger one-sided change.
     """
-    m, n = q.shape
-    proximal, distal = sensors[joint.proximal], sensors[joint.distal]
-    definition = joint.definitions()[0]
-
-    def flexion(q_proximal: np.ndarray, q_distal: np.ndarray) -> np.ndarray:
-        angles = joint_angles(q_proximal, q_distal, definition)
-        return np.asarray(definition.sign * angles[:, INDEX[definition.flexion]])
-
-    shifts = STEP * np.vstack([np.zeros(n), np.eye(n), -np.eye(n)])
+    placed = sensors[joint.proximal], sensors[joint.distal]
+    true = [_sensor_orientation(kinematics, sensor, q) for sensor in placed]
+    sources = len(kinematics.robot.joint_names) + len(kinematics.twists)
+    # by the arm both sensors are turned in the world; by its mounting each about its own axes
+    arm = [kinematics.error_axes(sensor.link, q) for sensor in placed]
     if joint.reference_joint in kinematics.robot.joint_names:
-        shifts = shifts[:1]
-    moved_q = (q + shifts[:, None, :]).reshape(
-        -1, n
-    )  # all configurations at once: as they are, then each joint either way
-    first, second = (
-        segment_orientation(_sensor_orientation(kinematics, sensor, moved_q), sensor)
-        for sensor in (proximal, distal)
+        arm = [axes[:, :0] for axes in arm]
+    own = [
+        np.swapaxes(rotation.to_matrix(q_world_from_sensor), 1, 2) for q_world_from_sensor in true
+    ]
+    still = np.zeros((len(q), 3, 3))
+    turning = [
+        np.concatenate([arm[0], own[0], still], axis=1),
+        np.concatenate([arm[1], still, own[1]], axis=1),
+    ]
+    found = _flexion_by_turning(placed, true, turning, joint)
+    by_arm = found[:, :-6]
+    if joint.reference_joint in kinematics.robot.joint_names:
+        by_arm = np.zeros((len(q), sources))
+        by_arm[:, kinematics.robot.joint_names.index(joint.reference_joint)] = 1.0
+    return by_arm, found[:, -6:]
+
+
+def _flexion_by_turning(
+    placed: tuple[Sensor, Sensor],
+    true: list[np.ndarray],
+    turning: list[np.ndarray],
+    joint: JointDefinition,
+) -> np.ndarray:
+    """Change of the flexion with turns of its sensors in the world, shape (m, s) [1].
+
+    Args:
+        placed: The proximal and the distal sensor.
+        true: q_world_from_sensor of each, shape (m, 4).
+        turning: Axes that each is turned about, of s errors, shape (m, s, 3).
+        joint: What the flexion is.
+    """
+    definition = joint.definitions()[0]
+    count = turning[0].shape[1]
+    steps = STEP * np.array([0.0, *[1.0] * count, *[-1.0] * count])
+    which = np.array([0, *range(count), *range(count)])
+    moved = []
+    for sensor, q, axes in zip(placed, true, turning, strict=True):
+        vectors = steps[:, None, None] * np.swapaxes(axes, 0, 1)[which]
+        turned = rotation.multiply(
+            rotation.from_rotation_vector(vectors), np.broadcast_to(q, (len(steps), *q.shape))
+        )
+        moved.append(segment_orientation(turned.reshape(-1, 4), sensor))
+    angles = joint_angles(moved[0], moved[1], definition)[:, INDEX[definition.flexion]].reshape(
+        len(steps), -1
     )
-    middle, *moved = flexion(first, second).reshape(-1, m)
-    by_joints = np.zeros((m, n))
-    if moved:
-        by_joints = np.stack([_larger(middle, moved[i], moved[n + i]) for i in range(n)], axis=1)
-    else:
-        by_joints[:, kinematics.robot.joint_names.index(str(joint.reference_joint))] = 1.0
-    base = (first[:m], second[:m])
-    by_mounting = np.zeros((m, 6))
-    for place, sensor in enumerate((proximal, distal)):
-        to_segment = rotation.rotate(segment_from_sensor(sensor)[None], np.eye(3))
-        for axis in range(3):
-            either_way = []
-            for sign in (1, -1):
-                turn = rotation.from_rotation_vector(sign * STEP * to_segment[axis])
-                pair = [base[0], base[1]]
-                pair[place] = rotation.multiply(pair[place], turn)
-                either_way.append(flexion(*pair))
-            by_mounting[:, 3 * place + axis] = _larger(middle, *either_way)
-    return by_joints, by_mounting
+    middle, ahead, behind = np.split(definition.sign * angles, [1, 1 + count])
+    return np.stack([_larger(middle[0], *pair) for pair in zip(ahead, behind, strict=True)], axis=1)
 
 
 def _larger(middle: np.ndarray, ahead: np.ndarray, behind: np.ndarray) -> np.ndarray:
@@ -127,26 +146,6 @@ def _larger(middle: np.ndarray, ahead: np.ndarray, behind: np.ndarray) -> np.nda
     kinked = np.abs(forward - backward) > 0.1
     sign = -1.0 if (~kinked).any() and smooth[~kinked].mean() < 0 else 1.0
     return np.where(kinked, sign * np.maximum(np.abs(forward), np.abs(backward)), smooth)
-
-
-def turning_by_joints(kinematics: Kinematics, sensor: Sensor, q: np.ndarray) -> np.ndarray:
-    """Rotation of a sensor in the world for each joint's angle: the axes of the joints.
-
-    Args:
-        kinematics: Of the arm.
-        sensor: As mounted.
-        q: Joint angles, shape (m, n_joints) [rad].
-
-    Returns:
-        Shape (m, n_joints, 3) [1].
-    """
-    m, n = q.shape
-    shifted = (q + STEP * np.vstack([np.zeros(n), np.eye(n)])[:, None, :]).reshape(-1, n)
-    turned = _sensor_orientation(kinematics, sensor, shifted).reshape(n + 1, m, 4)
-    turns = rotation.to_rotation_vector(
-        rotation.multiply(turned[1:], rotation.conjugate(turned[0]))
-    )
-    return np.asarray(np.swapaxes(turns, 0, 1) / STEP)
 
 
 def _sensor_orientation(kinematics: Kinematics, sensor: Sensor, q: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbench.evaluation.uncertainty import JudgedMotion
+from testbench.evaluation.time_lines import JudgedMotion
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.joint_angle import flexion_of, joint_angle_series

@@ -11,11 +11,12 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
+from scipy.special import ndtri, stdtrit
 
 from testbench.evaluation.judged import window_rows
-from testbench.records.results.estimate import ClockFit
+from testbench.model.links import Twist
 from testbench.records.results.uncertainty import (
-    COVERAGE_FACTOR,
+    LEVEL,
     UncertaintyBudget,
     UncertaintySource,
 )
@@ -26,16 +27,12 @@ from testbench.records.specs.robot import Robot
 LEAST_SENSITIVITY = 1e-6
 """Joints that move the truth less than this are left out of the table."""
 OF_THE_ROBOT_FILE = "robot file (uncertainty), which says why"
-STILL_DEG = 0.1
-"""Where a sensor makes the truth move by less than this while it is judged, an unknown time does no
-more harm [deg]; the noise of an arm that stands still is a tenth of it.
-"""
 _DIVISORS = {"normal": 1.0, "rectangular": float(np.sqrt(3.0))}
 """From half-width or standard deviation to standard uncertainty (JCGM 100:2008, 4.3.7)."""
 
 
 @dataclass(frozen=True)
-class _Stated:
+class Stated:
     """An uncertainty as its source states it.
 
     Attributes:
@@ -46,6 +43,7 @@ class _Stated:
         why: Where the value comes from, and why it counts or does not.
         distribution: A key of `_DIVISORS`.
         degrees_of_freedom: None for infinitely many.
+        rests_on: The number that the value is, where other lines are it too.
     """
 
     name: str
@@ -55,6 +53,7 @@ class _Stated:
     why: str
     distribution: str = "normal"
     degrees_of_freedom: float | None = None
+    rests_on: str = ""
 
     def source(self, mean: float, size: float) -> UncertaintySource:
         """The line of a budget.
@@ -78,22 +77,8 @@ class _Stated:
             abs(float(size)) * standard,
             self.degrees_of_freedom,
             self.why,
+            self.rests_on,
         )
-
-
-@dataclass(frozen=True)
-class JudgedMotion:
-    """How a true angle moves where it is judged.
-
-    Attributes:
-        mean_rate: Mean of the signed rate [deg/s].
-        rms_rate: Root mean square of the rate [deg/s].
-        swing: Largest less smallest angle within one step, of the step where that is most [deg].
-    """
-
-    mean_rate: float
-    rms_rate: float
-    swing: float
 
 
 @dataclass(frozen=True)
@@ -101,13 +86,14 @@ class ArmSensitivity:
     """How one reported angle answers to the arm, by judged configuration.
 
     Attributes:
-        signed: Change of the angle with each joint, shape (m, n_joints), for errors that keep their
-            sign.
+        signed: Change of the angle with each joint's zero, and behind these with each twist of a
+            link, shape (m, sources), for errors that keep their sign.
         size: The same for magnitudes (for a rotation: its length about the axes that count).
         step: Step of each configuration, shape (m,).
         weight: Of each step, shape (steps,), summing to 1.
-        reference: `size` in the pose that the frames were aligned in, shape (n_joints,), or None
+        reference: `size` in the pose that the frames were aligned in, shape (sources,), or None
             without one.
+        joints: How many of the sources are joints; only these are redrawn by each move.
     """
 
     signed: np.ndarray
@@ -115,19 +101,21 @@ class ArmSensitivity:
     step: np.ndarray
     weight: np.ndarray
     reference: np.ndarray | None
+    joints: int
 
     def constant(self) -> tuple[np.ndarray, np.ndarray]:
         """Of the mean and of magnitudes, for an error that lasts all session.
 
         Returns:
-            Shape (n_joints,) each.
+            Shape (sources,) each.
         """
         signed, square = self._by_step(self.signed), self._by_step(self.size**2)
         return np.abs(self.weight @ signed), np.sqrt(self.weight @ square)
 
     def redrawn(self) -> tuple[float, float]:
         """Of the mean and of magnitudes, for an equal error of every joint drawn anew by step."""
-        signed, square = self._by_step(self.signed), self._by_step(self.size**2)
+        signed = self._by_step(self.signed[:, : self.joints])
+        square = self._by_step(self.size[:, : self.joints] ** 2)
         return float(np.sqrt(np.sum((self.weight[:, None] * signed) ** 2))), float(
             np.sqrt(np.sum(self.weight @ square))
         )
@@ -140,27 +128,26 @@ class ArmSensitivity:
 
 # One piece: one line of the budget after another, in the order in which they are shown.
 def arm_sources(
-    robot: Robot, arm: ArmSamples, steps: Sequence[PlannedStep], c: ArmSensitivity
+    robot: Robot,
+    twists: Sequence[Twist],
+    arm: ArmSamples,
+    steps: Sequence[PlannedStep],
+    c: ArmSensitivity,
 ) -> list[UncertaintySource]:
-    """What the arm itself contributes."""
-    spec, servo = robot.spec.uncertainty, robot.spec.servo
-    calibrated = np.degrees(robot.joint_angle_uncertainty)
-    result = []
-    for name, value, mean, size in zip(robot.joint_names, calibrated, *c.constant(), strict=True):
-        if max(mean, size) > LEAST_SENSITIVITY:
-            result.append(
-                _Stated(
-                    f"kinematic calibration, {name}",
-                    "B",
-                    value,
-                    "deg",
-                    OF_THE_ROBOT_FILE,
-                    degrees_of_freedom=spec.degrees_of_freedom,
-                ).source(mean, size)
-            )
+    """What the arm itself contributes.
+
+    Args:
+        robot: The arm, which states its uncertainties.
+        twists: Of its links, in the order of the sensitivities behind those of the joints.
+        arm: What it reported.
+        steps: That are judged.
+        c: How the angle answers to it.
+    """
+    servo = robot.spec.servo
+    result = _lasting_sources(robot, twists, c)
     mean, size = c.redrawn()
     result.append(
-        _Stated(
+        Stated(
             "repeatability of the arm",
             "B",
             servo.repeatability_deg,
@@ -170,7 +157,7 @@ def arm_sources(
         ).source(mean, size)
     )
     result.append(
-        _Stated(
+        Stated(
             "resolution of the encoders",
             "B",
             servo.encoder_resolution_deg / 2,
@@ -182,7 +169,7 @@ def arm_sources(
     scatter = _scatter(arm, steps)
     if scatter is not None:
         result.append(
-            _Stated(
+            Stated(
                 "static averaging of the readings",
                 "A",
                 scatter[0],
@@ -192,7 +179,7 @@ def arm_sources(
             ).source(mean, size)
         )
     result.append(
-        _Stated(
+        Stated(
             "tracking of the controller",
             "A",
             _tracking(arm, steps),
@@ -201,6 +188,54 @@ def arm_sources(
             "does not enter",
         ).source(0.0, 0.0)
     )
+    return result
+
+
+def _lasting_sources(
+    robot: Robot, twists: Sequence[Twist], c: ArmSensitivity
+) -> list[UncertaintySource]:
+    """What the arm's kinematics are off by through the whole session: theta of each joint, alpha
+    (and beta) of each link; and a and d, which move links and turn none.
+    """
+    spec = robot.spec.uncertainty
+    zeros = [
+        (f"kinematic calibration, {name}", value, "joint_angle_deg")
+        for name, value in zip(
+            robot.joint_names, np.degrees(robot.joint_angle_uncertainty), strict=True
+        )
+    ]
+    tilts = [
+        (
+            f"twist {twist.name}, {twist.link.before} to {twist.link.after}",
+            spec.link_twist_deg,
+            "link_twist_deg",
+        )
+        for twist in twists
+    ]
+    result = [
+        Stated(
+            name,
+            "B",
+            value,
+            "deg",
+            OF_THE_ROBOT_FILE,
+            degrees_of_freedom=spec.degrees_of_freedom,
+            rests_on=rests_on,
+        ).source(mean, size)
+        for (name, value, rests_on), mean, size in zip(zeros + tilts, *c.constant(), strict=True)
+        if max(mean, size) > LEAST_SENSITIVITY
+    ]
+    for name, value in (("lengths a", spec.link_length_mm), ("offsets d", spec.link_offset_mm)):
+        result.append(
+            Stated(
+                f"{name} of the links",
+                "B",
+                value,
+                "mm",
+                "robot file (uncertainty): it moves links and turns none, so it does not enter",
+                degrees_of_freedom=spec.degrees_of_freedom,
+            ).source(0.0, 0.0)
+        )
     return result
 
 
@@ -265,46 +300,6 @@ def _mean_squares(a: np.ndarray, b: np.ndarray, first: np.ndarray, last: np.ndar
     return result
 
 
-def clock_source(sensor: str, clock: ClockFit, motion: JudgedMotion) -> UncertaintySource | None:
-    """What a sensor's time contributes to the uncertainty of the truth.
-
-    It is the time's uncertainty times the rate at which the sensor's own motion moves the true
-    angle. A time that could not be fitted shifts an angle by no more than that angle changes while
-    it is judged.
-
-    Args:
-        sensor: Its name.
-        clock: The fit.
-        motion: Of that part of the true angle which the sensor makes.
-
-    Returns:
-        None where the time is unknown and the sensor moves the truth.
-    """
-    name = f"clock alignment, {sensor}"
-    if np.isfinite(clock.offset_sd_s):
-        return _Stated(
-            name,
-            "A",
-            1e3 * clock.offset_sd_s,
-            "ms",
-            "the clock's fit; the sensitivity is the true angular rate that this sensor makes "
-            "while it is judged",
-        ).source(abs(motion.mean_rate) * 1e-3, motion.rms_rate * 1e-3)
-    if clock.method == "none":
-        rates = motion.mean_rate * 1e-3, motion.rms_rate * 1e-3
-        return _Stated(name, "B", 0.0, "ms", "taken to be on the host's clock").source(*rates)
-    if not motion.swing <= STILL_DEG:
-        return None
-    return _Stated(
-        name,
-        "A",
-        motion.swing / 2,
-        "deg",
-        "not known, but the sensor stands still while it is judged: half of what it moves by",
-        distribution="rectangular",
-    ).source(1.0, 1.0)
-
-
 def mounting_source(robot: Robot, aligned: str, mean: float, size: float) -> UncertaintySource:
     """What the mounting contributes where no alignment takes it out."""
     spec = robot.spec.uncertainty
@@ -315,7 +310,7 @@ def mounting_source(robot: Robot, aligned: str, mean: float, size: float) -> Unc
             f"the alignment ({aligned}) takes it out; what that leaves is the line 'frame "
             "alignment'"
         )
-    return _Stated(
+    return Stated(
         "mounting of the sensors",
         "B",
         spec.mounting_deg,
@@ -339,13 +334,13 @@ def alignment_source(
     if aligned == "none":
         return None
     if fitted_sd is not None:
-        return _Stated(
+        return Stated(
             "frame alignment", "A", fitted_sd, "deg", "stated by the fit of the frames"
         ).source(1.0, 1.0)
     if robot is None or c is None or c.reference is None:
         return None
-    size = float(np.sqrt(np.sum(c.reference**2)))
-    return _Stated(
+    size = float(np.sqrt(np.sum(c.reference[: c.joints] ** 2)))
+    return Stated(
         "frame alignment",
         "B",
         robot.spec.servo.repeatability_deg,
@@ -357,7 +352,7 @@ def alignment_source(
 def levelling_source(robot: Robot, size: float) -> UncertaintySource:
     """What the tilt of the arm's base contributes to an orientation against the vertical."""
     spec = robot.spec.uncertainty
-    return _Stated(
+    return Stated(
         "levelling of the base",
         "B",
         spec.levelling_deg,
@@ -373,8 +368,9 @@ def combine(
     section: str | None,
     sources: Sequence[UncertaintySource | None],
     missing: Sequence[str],
+    assumed: Sequence[str] = (),
 ) -> UncertaintyBudget:
-    """The budget of independent sources (JCGM 100:2008, eq. 10; degrees of freedom: eq. G.2b).
+    """The budget of independent sources (JCGM 100:2008, eq. 10).
 
     Args:
         owner: Joint of the protocol, joint of the arm, or sensor.
@@ -382,6 +378,7 @@ def combine(
         section: Of the protocol; None for all of them.
         sources: None are passed over.
         missing: What is not known; with any of it nothing is combined.
+        assumed: What was taken where nobody said.
     """
     lines = [source for source in sources if source is not None]
     if missing:
@@ -394,21 +391,18 @@ def combine(
             None,
             None,
             None,
-            COVERAGE_FACTOR,
+            None,
             None,
             None,
             list(missing),
+            assumed=list(assumed),
         )
-    # JCGM 100:2008, eq. 10 with c_i u_i of each line; the degrees of freedom by eq. G.2b
-    squares = np.array([source.contribution_deg**2 for source in lines])
-    combined = float(np.sqrt(squares.sum()))
-    size = float(np.sqrt(sum(source.magnitude_deg**2 for source in lines)))
-    loss = sum(
-        source.contribution_deg**4 / source.degrees_of_freedom
-        for source in lines
-        if source.degrees_of_freedom is not None
-    )
-    freedom = combined**4 / loss if loss > 0 else None
+    signed = [source.contribution_deg for source in lines]
+    sizes = [source.magnitude_deg for source in lines]
+    # JCGM 100:2008, eq. 10 with c_i u_i of each line
+    combined, size = (float(np.sqrt(sum(x**2 for x in own))) for own in (signed, sizes))
+    freedom = effective_freedom(lines, signed)
+    k, of_size = coverage_factor(freedom), coverage_factor(effective_freedom(lines, sizes))
     return UncertaintyBudget(
         owner,
         quantity,
@@ -418,7 +412,46 @@ def combine(
         combined,
         size,
         freedom,
-        COVERAGE_FACTOR,
-        COVERAGE_FACTOR * combined,
-        COVERAGE_FACTOR * size,
+        k,
+        k * combined,
+        of_size * size,
+        assumed=list(assumed),
+        coverage_factor_magnitude=of_size,
     )
+
+
+def effective_freedom(
+    lines: Sequence[UncertaintySource], contributions: Sequence[float]
+) -> float | None:
+    """Effective degrees of freedom (Welch & Satterthwaite; JCGM 100:2008, eq. G.2b).
+
+    Lines that rest on one number are one: where that is too small, they all are.
+
+    Args:
+        lines: Of a budget.
+        contributions: Of each of them to the combined standard uncertainty.
+
+    Returns:
+        None for infinitely many.
+    """
+    squares: dict[object, float] = {}
+    freedoms: dict[object, float] = {}
+    for i, (line, contribution) in enumerate(zip(lines, contributions, strict=True)):
+        if line.degrees_of_freedom is not None:
+            key: object = line.rests_on or i
+            squares[key] = squares.get(key, 0.0) + contribution**2
+            freedoms[key] = min(line.degrees_of_freedom, freedoms.get(key, np.inf))
+    loss = sum(squares[key] ** 2 / freedoms[key] for key in squares)
+    total = sum(contribution**2 for contribution in contributions)
+    return total**2 / loss if loss > 0 else None
+
+
+def coverage_factor(freedom: float | None) -> float:
+    """The factor k for 95 %: Student's t, between whole numbers of degrees of freedom too (JCGM
+    100:2008, G.4.1).
+
+    Args:
+        freedom: Effective degrees of freedom; None for infinitely many.
+    """
+    quantile = (1 + LEVEL) / 2
+    return float(ndtri(quantile) if freedom is None else stdtrit(freedom, quantile))

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import cast
 
 import numpy as np
 
+from testbench.evaluation.outcomes import (
+    FEWEST_SESSIONS,
+    guard_band,
+    otherwise_percent,
+    outcome_of,
+)
+from testbench.evaluation.repeatability import EqualSessions, key_of
+from testbench.evaluation.uncertainty import coverage_factor
 from testbench.records.results.evaluation import (
     SEVERITY,
     ChainRow,
@@ -16,7 +24,7 @@ from testbench.records.results.evaluation import (
     Outcome,
     ResultTables,
 )
-from testbench.records.results.evaluation_rows import JointSummary
+from testbench.records.results.evaluation_rows import ErrorSummary, JointSummary
 from testbench.records.specs.protocol import (
     JOINT_METRICS,
     SENSOR_METRICS,
@@ -45,6 +53,11 @@ _OF_ERRORS: dict[str, str] = {
     "flexion_convergence_s": "convergence_s",
 }
 """Metrics of a joint, and where they stand in the summary of a section."""
+_SD_OF_TIMES = {
+    "flexion_latency_ms": "latency_sd_ms",
+    "flexion_convergence_s": "convergence_sd_s",
+}
+"""Delays and times of a joint, and where their standard uncertainties stand."""
 _CONFIDENCE = {
     "flexion_mean_error_deg": "mean_error_ci95_deg",
     "flexion_mean_abs_error_deg": "mean_abs_error_ci95_deg",
@@ -95,9 +108,25 @@ def _summarised(kind: str, own: list[JointSummary], whole: JointSummary | None) 
     """A metric as the summaries of a section have it: angles over all steps, times by motion."""
     if whole and kind.endswith("_deg"):
         return cast("float | None", getattr(whole.errors, _OF_ERRORS[kind]))
-    # the delay belongs to sweeps, settling to poses
-    known = (getattr(item.errors, _OF_ERRORS[kind]) for item in own)
-    return next((value for value in known if value is not None), None)
+    of_motion = _of_motion(kind, own)
+    return None if of_motion is None else getattr(of_motion, _OF_ERRORS[kind])
+
+
+def _of_motion(kind: str, own: list[JointSummary]) -> ErrorSummary | None:
+    """The summary that knows a time: the delay belongs to sweeps, settling to poses."""
+    known = (item.errors for item in own if getattr(item.errors, _OF_ERRORS[kind]) is not None)
+    return next(known, None)
+
+
+def _expanded_time(value_sd: float | None) -> tuple[float | None, str | None]:
+    """Expanded uncertainty of a delay or a time, or why it has none.
+
+    Args:
+        value_sd: Its standard uncertainty in its unit, None or NaN where that is not known.
+    """
+    if value_sd is None or not np.isfinite(value_sd):
+        return None, "too little was recorded to say how sure this time is"
+    return coverage_factor(None) * value_sd, None
 
 
 # One piece: most lines are the arguments of one metric.
@@ -123,8 +152,13 @@ def _joint_metrics(evaluation: ResultTables) -> list[Metric]:
             value = _POOL[kind](rows) if kind in _POOL else _summarised(kind, own, whole)
             if value is None:
                 continue
-            expanded = None
-            if own and has_uncertainty(kind):
+            expanded, missing = None, None
+            if kind in _SD_OF_TIMES:
+                expanded, missing = _expanded_time(
+                    getattr(_of_motion(kind, own), _SD_OF_TIMES[kind])
+                )
+            elif own and has_uncertainty(kind):
+                missing = lacking.get((joint, "flexion", section))
                 expanded = (
                     own[0].expanded_uncertainty_deg
                     if kind in _SIGNED
@@ -147,7 +181,7 @@ def _joint_metrics(evaluation: ResultTables) -> list[Metric]:
                     section,
                     expanded,
                     ci95,
-                    lacking.get((joint, "flexion", section)) if has_uncertainty(kind) else None,
+                    missing,
                     None
                     if whole is None or kind not in _CONFIDENCE or ci95
                     else whole.errors.no_interval,
@@ -210,9 +244,8 @@ def _sensor_metrics(evaluation: ResultTables) -> list[Metric]:
             name = f"{row.sensor}.{kind}"
             if kind == "total_latency_ms":
                 moving = found.get((row.sensor, row.filter, "dynamic", "total"))
-                late = None if moving is None else moving.errors.latency_ms
-                if late is not None:
-                    metrics.append(Metric(name, late, "ms", None, None, None, meaning, row.filter))
+                if moving is not None and moving.errors.latency_ms is not None:
+                    metrics.append(_delay_metric(name, meaning, row.filter, moving.errors))
                 continue
             part, attribute, confidence = _OF_PARTS[kind]
             item = found.get((row.sensor, row.filter, "all", part))
@@ -248,6 +281,13 @@ def _sensor_metrics(evaluation: ResultTables) -> list[Metric]:
     return metrics
 
 
+def _delay_metric(name: str, meaning: str, by: str, errors: ErrorSummary) -> Metric:
+    """Of a sensor's orientation, by a filter."""
+    expanded, missing = _expanded_time(errors.latency_sd_ms)
+    metric = Metric(name, errors.latency_ms, "ms", None, None, None, meaning, by)
+    return replace(metric, expanded_uncertainty=expanded, no_uncertainty=missing)
+
+
 def _lacking(evaluation: ResultTables) -> dict[tuple[str, str, str | None], str]:
     """What the budgets that could not be completed lack, by owner, quantity and section."""
     return {
@@ -262,13 +302,25 @@ def has_uncertainty(kind: str) -> bool:
     return unit_of(kind) == "deg" and kind != "flexion_iqr_deg"
 
 
+def has_sign(kind: str) -> bool:
+    """Whether a metric may be negative: means and medians of signed errors, and delays."""
+    return kind in _SIGNED or kind.endswith("_latency_ms")
+
+
 def unit_of(kind: str) -> str:
     """The unit of a metric, which its name ends with."""
     return kind.rpartition("_")[2]
 
 
-def judge(analysis: Analysis, metrics: list[Metric]) -> tuple[list[Metric], Outcome]:
+def judge(
+    analysis: Analysis, metrics: list[Metric], equal: Mapping[str, EqualSessions] | None = None
+) -> tuple[list[Metric], Outcome]:
     """Put the protocol's limits to the metrics.
+
+    Args:
+        analysis: With the limits.
+        metrics: Of the session.
+        equal: Sessions that did the same, by the folder that a limit names.
 
     Returns:
         The judged metrics first, then those without a limit; and the worst outcome, not_measured
@@ -277,16 +329,21 @@ def judge(analysis: Analysis, metrics: list[Metric]) -> tuple[list[Metric], Outc
     judged = [
         judged_metric
         for limit in analysis.accept
-        for judged_metric in _judge_limit(analysis, limit, metrics)
+        for judged_metric in _judge_limit(analysis, limit, metrics, equal or {})
     ]
-    keys = {(m.name, m.filter, m.sequence, m.section) for m in judged}
-    rest = [m for m in metrics if (m.name, m.filter, m.sequence, m.section) not in keys]
+    keys = {key_of(m) for m in judged}
+    rest = [m for m in metrics if key_of(m) not in keys]
     outcomes = [metric.outcome for metric in judged if metric.outcome is not None]
     worst = max(outcomes, key=SEVERITY.index) if outcomes else Outcome.NOT_MEASURED
     return [*judged, *rest], worst
 
 
-def _judge_limit(analysis: Analysis, limit: AcceptanceLimit, metrics: list[Metric]) -> list[Metric]:
+def _judge_limit(
+    analysis: Analysis,
+    limit: AcceptanceLimit,
+    metrics: list[Metric],
+    equal: Mapping[str, EqualSessions],
+) -> list[Metric]:
     owner, _, kind = limit.metric.partition(".")
     sequence = (
         analysis.joints[owner].label if kind in JOINT_METRICS and owner in analysis.joints else None
@@ -305,43 +362,37 @@ def _judge_limit(analysis: Analysis, limit: AcceptanceLimit, metrics: list[Metri
             limit.metric, None, unit_of(kind), limit.min, limit.max, Outcome.NOT_MEASURED, meaning
         )
         return [replace(absent, filter=limit.filter, sequence=sequence, section=limit.section)]
-    return [
-        replace(m, lower=limit.min, upper=limit.max, outcome=_outcome(m, limit)) for m in matching
-    ]
+    return [_judged(metric, limit, equal) for metric in matching]
 
 
-def _outcome(metric: Metric, limit: AcceptanceLimit) -> Outcome:
-    """The verdict on one metric. Where its uncertainty ought to be stated and could not be, a limit
-    that is kept is kept by nobody knows how much: marginal. One that is broken stays broken: that
-    is the safe side.
+def _judged(metric: Metric, limit: AcceptanceLimit, equal: Mapping[str, EqualSessions]) -> Metric:
+    """A metric with its limits and verdict. Where its uncertainty ought to be stated and could not
+    be, a limit that is kept is kept by nobody knows how much: marginal. One that is broken stays
+    broken: that is the safe side.
     """
-    found = outcome_of(metric.value, limit, metric.expanded_uncertainty)
-    return (
-        Outcome.MARGINAL if found is Outcome.PASS and metric.no_uncertainty is not None else found
+    guard, sessions = metric.expanded_uncertainty, 0
+    sd = otherwise = None
+    if limit.repeatability is not None:
+        values = equal[limit.repeatability].values.get(key_of(metric), [])
+        sessions = len(values)
+        if sessions < FEWEST_SESSIONS:
+            few = f"{sessions} equal {'session' if sessions == 1 else 'sessions'} in"
+            lacking = f"{few} {limit.repeatability}, and {FEWEST_SESSIONS} are needed"
+            known = [metric.no_uncertainty] if metric.no_uncertainty else []
+            metric = replace(metric, no_uncertainty="; ".join([*known, lacking]))
+        else:
+            sd, guard = float(np.std(values, ddof=1)), guard_band(guard, values)
+    outcome = outcome_of(metric.value, limit, guard)
+    if outcome is Outcome.PASS and metric.no_uncertainty is not None:
+        outcome = Outcome.MARGINAL
+    if sd is not None and metric.no_uncertainty is None:
+        otherwise = otherwise_percent(outcome, limit, guard, values)
+    return replace(
+        metric,
+        lower=limit.min,
+        upper=limit.max,
+        outcome=outcome,
+        sessions=sessions,
+        session_sd=sd,
+        otherwise_percent=otherwise,
     )
-
-
-def outcome_of(
-    value: float | None, limit: AcceptanceLimit, expanded: float | None = None
-) -> Outcome:
-    """Fail beyond a limit by more than the expanded uncertainty; marginal near it; else pass.
-
-    Near is within the expanded uncertainty on either side, so that no verdict is given which the
-    truth may overturn (guard bands w = U: ILAC-G8:09/2019, 4.2; JCGM 106:2012, 8.3); and on the
-    safe side also within `marginal_percent`.
-
-    Args:
-        value: Of the metric.
-        limit: What it must keep.
-        expanded: Expanded uncertainty of the value, k = 2; None counts as 0.
-    """
-    if value is None or not np.isfinite(value):
-        return Outcome.NOT_MEASURED
-    guard, part = expanded or 0.0, limit.marginal_percent / 100
-    beyond = [value - limit.max] if limit.max is not None else []
-    beyond += [limit.min - value] if limit.min is not None else []
-    if max(beyond) > guard:
-        return Outcome.FAIL
-    near_max = limit.max is not None and value > limit.max - max(part * abs(limit.max), guard)
-    near_min = limit.min is not None and value < limit.min + max(part * abs(limit.min), guard)
-    return Outcome.MARGINAL if near_max or near_min else Outcome.PASS

@@ -12,6 +12,7 @@ from testbench.drivers.imus.simulated import SimulatedImu, TrueState
 from testbench.exceptions import BenchError, InputError
 from testbench.execution.devices import Devices
 from testbench.model.kinematics import Kinematics
+from testbench.model.links import draw_link_errors
 from testbench.model.magnetic_field import describe_environment
 from testbench.records.session.plan import Plan
 from testbench.records.session.samples import ArmSamples, ImuSamples
@@ -46,7 +47,7 @@ class Sensors:
         if true_state is None:
             motion = ReportedMotion(plan.robot.spec.rates.record_hz)
             true_state = motion.state
-        kinematics, spec = Kinematics(plan.robot), plan.protocol.spec
+        kinematics, spec = actual_kinematics(plan, seed), plan.protocol.spec
         imus: dict[str, Imu] = {
             name: SimulatedImu(name, sensor, kinematics, spec.environment, true_state, seed)
             for name, sensor in spec.sensors.items()
@@ -122,3 +123,16 @@ class Sensors:
         """Release all."""
         if self.devices is not None:
             self.devices.close()
+
+
+def actual_kinematics(plan: Plan, seed: int) -> Kinematics:
+    """Of the arm that simulated sensors ride on: with wrong links, where the protocol wants them.
+
+    Args:
+        plan: Whose robot, and whose environment.
+        seed: Of what is drawn.
+    """
+    believed = Kinematics(plan.robot)
+    if not plan.protocol.spec.environment.link_errors:
+        return believed
+    return Kinematics(plan.robot, draw_link_errors(plan.robot, believed.links, seed))

@@ -131,6 +131,19 @@ TRUTHS = {
 """What --truth reads, for people."""
 
 
+def _with_body(recording: Recording, given: Body | None) -> None:
+    """Give a recording the joints that a person names, and say what contradicts them all."""
+    if given is None and recording.analysis.body is None:
+        return
+    from testbench.formats.body import attach_body, name_findings, refuse_contradictions
+
+    if given is not None:
+        attach_body(recording, given)
+    if recording.analysis.body is not None:
+        refuse_contradictions(recording.analysis.body)
+        recording.findings += name_findings(recording.analysis.body)
+
+
 def import_recording(
     name: str,
     files: list[Path],
@@ -159,6 +172,7 @@ def import_recording(
     """
     from testbench.formats.axes import find_axes
     from testbench.formats.dates import earliest, recorded_in_name, stated_date
+    from testbench.formats.given_twice import copies, refuse_twice
     from testbench.formats.options import Options
     from testbench.formats.recording import write_recording
     from testbench.formats.remap import remap_axes
@@ -168,6 +182,7 @@ def import_recording(
     if name not in FORMATS:
         raise NotFoundError("format", name, list(FORMATS))
     _check_out(out)
+    refuse_twice(files)
     options = options if options is not None else Options()
     stated = None if options.recorded_at is None else stated_date(options.recorded_at)
     try:
@@ -179,6 +194,7 @@ def import_recording(
     recording.recorded = (
         stated or recording.recorded or earliest(recorded_in_name(file) for file in files)
     )
+    recording.findings += copies(files)
     if recording.recorded is None:
         recording.findings.append(finding("date.unknown"))
     for key, sensor in recording.sensors.items():
@@ -187,10 +203,7 @@ def import_recording(
             raise FileProblems(files[0], [Problem(f"sensor '{key}' has no samples")])
     if options.axes is not None:
         remap_axes(recording, find_axes(options.axes), options.axes)
-    if body is not None:
-        from testbench.formats.body import attach_body
-
-        attach_body(recording, body)
+    _with_body(recording, body)
     if truth is not None:  # its angles are those of joints
         from testbench.formats.truth.attach import attach_truth
 

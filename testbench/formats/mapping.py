@@ -283,6 +283,13 @@ class SensorColumns(StrictModel):
         description="integrated: a value is the mean over the interval before its stamp, and so "
         "half an interval older.",
     )
+    gyr_delay_ms: float | None = Field(
+        default=None,
+        ge=0,
+        le=1000,
+        description="How much older than its stamp an angular rate is, by integration and low pass "
+        "together [ms]; null: half an interval is taken, and is in the uncertainty as well.",
+    )
     truth: TruthColumns | None = None
 
     @model_validator(mode="after")

@@ -17,6 +17,7 @@ import pinocchio as pin
 from testbench.exceptions import FileProblems, NotFoundError, Problem
 from testbench.model import rotation
 from testbench.model.chain import Chain, Tip, chain_motion, link_poses
+from testbench.model.links import Link, LinkErrors, Twist, twists_of
 from testbench.records.specs.robot import Robot
 from testbench.records.specs.strict import Placement
 from testbench.records.specs.urdf_joint import joints_to, read_urdf
@@ -99,13 +100,14 @@ class Kinematics:
 
     Args:
         robot: The arm; joints of its URDF that it does not name are locked at zero.
+        wrong: What the links of this very arm are off by against its URDF; None for nothing.
 
     Raises:
         FileProblems: Pinocchio cannot build a model of the URDF.
     """
 
-    def __init__(self, robot: Robot):
-        self.robot = robot
+    def __init__(self, robot: Robot, wrong: LinkErrors | None = None):
+        self.robot, self.wrong = robot, wrong
         try:
             full = pin.buildModelFromUrdf(str(robot.urdf))
         except (ValueError, RuntimeError) as error:
@@ -297,6 +299,11 @@ class Kinematics:
             for j in joints
         ]
         tip = Pose(frame.placement.rotation.copy(), frame.placement.translation.copy())
+        if self.wrong is not None:
+            placements = [
+                Pose(*self.wrong.moved(model.names[j], pose.R, pose.position))
+                for j, pose in zip(joints, placements, strict=True)
+            ]
         if placements:
             placements[0] = self.world_from_base @ placements[0]
         else:
@@ -306,6 +313,50 @@ class Kinematics:
         axes = np.array([self._axis(j) for j in joints]).reshape(-1, 3)
         columns = np.array([self._column[model.names[j]] for j in joints], dtype=np.int64)
         return Chain(rotations, offsets, axes, columns), tip
+
+    @cached_property
+    def links(self) -> list[Link]:
+        """Pairs of neighbouring joints of the arm, in the order of the joints behind."""
+        model, found = self.model, []
+        for name in self.robot.joint_names:
+            joint = model.getJointId(name)
+            before = model.parents[joint]
+            if before > 0:
+                placement = model.jointPlacements[joint]
+                R, offset = placement.rotation.copy(), placement.translation.copy()
+                axes = self._axis(before), self._axis(joint)
+                found.append(Link.between(model.names[before], name, R, offset, axes))
+        return found
+
+    @cached_property
+    def twists(self) -> list[Twist]:
+        """Every direction in which an axis of the arm may be tilted against the one before it."""
+        return twists_of(self.links)
+
+    def error_axes(self, link: str, q: np.ndarray) -> np.ndarray:
+        """About what a link is turned by an error of each joint's zero, and of each twist.
+
+        Args:
+            link: Name of the link in the URDF.
+            q: Joint angles in the robot's order, shape (m, n_joints) [rad].
+
+        Returns:
+            Axes in the world, the joints' first and those of `twists` behind, shape
+            (m, n_joints + twists, 3): unit vectors; 0 for what does not carry the link.
+        """
+        chain, n = self.chain_to(link)[0], q.shape[1]
+        result = np.zeros((len(q), n + len(self.twists), 3))
+        R, before = np.broadcast_to(np.eye(3), (len(q), 3, 3)), ""
+        for rotation_, axis, column in zip(chain.rotations, chain.axes, chain.columns, strict=True):
+            name = self.robot.joint_names[column]
+            for i, twist in enumerate(self.twists):
+                if (twist.link.before, twist.link.after) == (before, name):
+                    result[:, n + i] = R @ twist.axis
+            R, before = R @ rotation_, name
+            result[:, column] = R @ axis
+            turn = rotation.from_rotation_vector(q[:, column, None] * axis)
+            R = R @ rotation.to_matrix(turn)
+        return result
 
     def offset_before(self, joint: str) -> float:
         """How far a joint lies from the one before it [m]."""

@@ -3,8 +3,8 @@
 - `request`: what is asked; `watcher`: who looks on, and what a person allows.
 - `run`: carry out a request for a run; with `prepared`, `arm`, `own_kinematics`, `approval`,
   `resume`, `kept_analysis`.
-- `analyse`: estimate, evaluate and report a recording; with `loaded_analysis`, `kept_estimate`;
-  `gait`: reckon a walk.
+- `analyse`: estimate, evaluate and report a recording; with `loaded_analysis`, `kept_estimate`,
+  `repeats`; `gait`: reckon a walk.
 - `show`: look at a recording; `exports`: write it for other programs.
 - `calibrate`, `noise`, `noise_preset`, `tune`, `parameter_space`: what sensors and filters are
   found to be.

@@ -11,6 +11,7 @@ from testbench.formats.exporters import Exported
 from testbench.pipeline.exports import export_estimate
 from testbench.pipeline.kept_estimate import load_or_estimate
 from testbench.pipeline.loaded_analysis import LoadedAnalysis, load_analysis
+from testbench.pipeline.repeats import judged_with_repeats
 from testbench.pipeline.request import AnalysisRequest
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
@@ -73,6 +74,7 @@ def analyse(
     estimated = loaded.estimate(session, whatever=plan is not None)
     estimated.save(session.path)
     evaluated = evaluate(session, estimated, loaded.settings(session))
+    evaluated = judged_with_repeats(session, estimated, evaluated, loaded)
     evaluated.save(session.path)
     page = _report(session, estimated, evaluated) if loaded.asked.report else None
     exports = [export_estimate(session, wanted, estimated) for wanted in loaded.asked.exports]
@@ -93,6 +95,7 @@ def judge_again(session: Session, asked: AnalysisRequest | None = None) -> Evalu
     loaded = load_analysis(asked or AnalysisRequest())
     estimated = load_or_estimate(session, loaded)
     evaluated = evaluate(session, estimated, loaded.settings(session))
+    evaluated = judged_with_repeats(session, estimated, evaluated, loaded)
     evaluated.save(session.path)
     if reported:
         _report(session, estimated, evaluated)

@@ -52,12 +52,25 @@ def body_of(asked: BodyRequest) -> Body:
     try:
         return Body.model_validate(data)
     except ValidationError as error:
-        places = [".".join(map(str, own["loc"])) for own in error.errors(include_url=False)]
+        places = [_asked_by(own["loc"]) for own in error.errors(include_url=False)]
         problems = validation_problems(error, {})
         told = [
             f"{place}: {problem.message}" for place, problem in zip(places, problems, strict=False)
         ]
         raise InputError("; ".join(told)) from None
+
+
+def _asked_by(place: tuple[int | str, ...]) -> str:
+    """The option that a part of a body comes from, and the part of what it says."""
+    parts = [str(own) for own in place if own != "[key]"]
+    if parts[0] == "alignment":
+        given = {"standing_s": "--standing", "forward": "--forward", "method": "--place-by"}
+        rest = parts[2:] if parts[1] == "forward" else []
+        return " ".join([given.get(parts[1], parts[1]), *rest])
+    option = {"joints": "--joint", "segments": "--segment"}.get(parts[0], parts[0])
+    if len(parts) > 2 and parts[2] in ("sequence", "definition"):
+        return f"--sequence {parts[1]}" + "".join(f" {own}" for own in parts[4:])
+    return " ".join([option, *parts[1:]])
 
 
 def _joint(name: str, ends: str, definition: str | None) -> dict[str, Any]:
@@ -110,6 +123,8 @@ def _sequences(given: Iterable[str], joints: list[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     for text in given:
         name, equals, rest = (part.strip() for part in text.partition("="))
+        if equals and not name:
+            raise InputError(f"--sequence {text}: write it as DEFINITION or JOINT=DEFINITION")
         name, rest = (name, rest) if equals and "{" not in name else ("", text.strip())
         if name and name not in joints:
             raise InputError(

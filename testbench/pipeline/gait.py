@@ -8,6 +8,7 @@ from pathlib import Path
 from testbench.estimation.gait import PUBLISHED, GaitSettings, by_sensor, gait
 from testbench.evaluation.gait import WalkTruth, judge_walk
 from testbench.pipeline.request import GaitRequest
+from testbench.records.results.calibration_file import load_calibrations
 from testbench.records.results.gait import Gait
 from testbench.records.session.session import Session
 from testbench.records.session.session_lock import session_locked
@@ -44,7 +45,8 @@ def make_gait(session: Session, asked: GaitRequest | None = None) -> MadeGait:
     )
     truth = WalkTruth(asked.cycles, asked.distance_m, asked.corners_m)
     truth.check()
-    result = judge_walk(gait(session, settings), truth)
+    stored = None if asked.calibrations is None else load_calibrations(Path(asked.calibrations))
+    result = judge_walk(gait(session, settings, stored), truth)
     result.save(session.path)
     if not asked.report:
         return MadeGait(result, None)

@@ -37,6 +37,7 @@ def kept_analysis(asked: AnalysisRequest) -> dict[str, Any]:
             "calibrations": calibrations,
             "tunings": tuple(map(_whole, asked.tunings)),
             "exports": tuple(map(_whole_export, asked.exports)),
+            "repeats": None if asked.repeats is None else _whole(asked.repeats),
         }
     )
     return whole.model_dump(mode="json", exclude_defaults=True)
@@ -64,7 +65,10 @@ def analysis_to_go_on(session: Session, asked: AnalysisRequest) -> AnalysisReque
     chosen = any(getattr(asked, name) != getattr(default, name) for name in CHOICES)
     choice = {name: getattr(asked if chosen else kept, name) for name in CHOICES}
     return AnalysisRequest(
-        **choice, report=asked.report and kept.report, exports=asked.exports or kept.exports
+        **choice,
+        repeats=asked.repeats or kept.repeats,
+        report=asked.report and kept.report,
+        exports=asked.exports or kept.exports,
     )
 
 

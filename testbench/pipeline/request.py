@@ -157,6 +157,11 @@ class AnalysisRequest(Asked):
         description="Whether each sensor ended at rest in the orientation it began in; true also "
         "where the session's settings say so.",
     )
+    repeats: Place | None = Field(
+        default=None,
+        description="Folder with further sessions of the same protocol, whose scatter tells what "
+        "another part, mounting or power-up changes.",
+    )
     report: bool = Field(default=True, description="Whether to write report.html.")
     exports: tuple[ExportRequest, ...] = Field(
         default=(),
@@ -244,6 +249,11 @@ class GaitRequest(Asked):
     filter: str = Field(default="euler_ekf", description="Whose orientation the regression takes.")
     floor: Literal["found", "level", "any"] = Field(
         default="found", description="Whether all stands of a foot are equally high."
+    )
+    calibrations: Place | None = Field(
+        default=None,
+        description="Stored calibration, or a folder of them: each sensor takes its own nearest in "
+        "time.",
     )
     cycles: int | None = Field(default=None, description="Strides of one leg, as counted.")
     distance_m: float | None = Field(default=None, description="Length of the way, as measured.")

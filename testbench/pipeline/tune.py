@@ -17,7 +17,7 @@ from testbench.estimation.estimator import PreparedSession
 from testbench.estimation.filters import FILTERS, OrientationFilter
 from testbench.estimation.filters.tuned import choose_tuned, with_parameters
 from testbench.evaluation.compared_objective import ComparisonJudge
-from testbench.evaluation.objective import UNIT, Objective, SessionJudge
+from testbench.evaluation.objective import UNIT, Objective, SessionJudge, knows_angles
 from testbench.exceptions import InputError
 from testbench.model.noise import random_stream
 from testbench.pipeline.loaded_analysis import sound_filters
@@ -105,7 +105,9 @@ class SessionTrials:
         self._prepared = PreparedSession(session, calibrations, objective.joints(session))
         self._judge: SessionJudge | ComparisonJudge
         if compare is None:
-            self._judge = SessionJudge(session, objective, self._prepared.run([]))
+            told = knows_angles(session, objective.joints(session) or [])
+            first = self._prepared.run([kind] if told else [])
+            self._judge = SessionJudge(session, objective, first)
         else:
             beside = self._prepared.run([compare])
             self._judge = ComparisonJudge(session, objective, beside, compare.name)

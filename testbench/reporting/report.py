@@ -37,6 +37,7 @@ from testbench.reporting.sections.motion import (
 from testbench.reporting.sections.orientation import orientation_section
 from testbench.reporting.sections.provenance import provenance_section
 from testbench.reporting.sections.recording import recording_section
+from testbench.reporting.sections.repeats import repeats_section
 from testbench.reporting.sections.run import facts, run_section, simulated_parts
 from testbench.reporting.sections.tiles import result_tiles
 from testbench.reporting.sections.uncertainty import uncertainty_section
@@ -202,7 +203,9 @@ def _judged_sections(
         for name in known.keys() & judged:
             joints.blocks += known[name]
         sections.append(joints)
+    repeats = repeats_section(evaluation, colours)
     return [
+        *([] if repeats is None else [repeats]),
         *sections,
         *of_chain,
         orientation_section(evaluation, colours, spans),

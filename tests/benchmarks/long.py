@@ -16,6 +16,7 @@ from tests.benchmarks.lasting_errors import bench_lasting_errors
 from tests.benchmarks.mutated_imports import bench_mutated_imports
 from tests.benchmarks.mutations import bench_mutations
 from tests.benchmarks.placements import bench_placements
+from tests.benchmarks.same_part import bench_same_part
 
 CAMPAIGNS: list[Callable[[], bool]] = [
     bench_intervals,
@@ -27,6 +28,7 @@ CAMPAIGNS: list[Callable[[], bool]] = [
     bench_mutations,
     bench_mutated_imports,
     bench_placements,
+    bench_same_part,
 ]
 
 

@@ -39,3 +39,22 @@ def test_a_clock_that_runs_apart_is_told_without_a_shift():
     acc = {"thigh": limb.acc["thigh"], "shank": limb.acc["shank"][rows]}
     found = centre_apart(Limb(limb.time_ns, q, acc), "thigh", "shank")
     assert found is not None and found.shift_s is None
+
+
+def part(limb: Limb, first: int, last: int) -> Limb:
+    """Some of its instants."""
+    rows = slice(first, last)
+    q, acc = ({name: own[rows] for name, own in kind.items()} for kind in (limb.q, limb.acc))
+    return Limb(limb.time_ns[rows], q, acc)
+
+
+def test_six_seconds_tell_sensors_of_other_segments():
+    limb, other = part(leg(0.0), 100, 400), part(leg(0.0, carried=1.0), 250, 550)
+    assert centre_apart(limb, "thigh", "shank") is None
+    strange = Limb(
+        limb.time_ns,
+        {"thigh": limb.q["thigh"], "shank": other.q["thigh"]},
+        {"thigh": limb.acc["thigh"], "shank": other.acc["shank"]},
+    )
+    assert centre_apart(strange, "thigh", "shank") is not None
+    assert centre_apart(part(strange, 0, 150), "thigh", "shank") is None  # three say nothing

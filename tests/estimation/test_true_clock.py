@@ -111,3 +111,40 @@ def test_a_joint_that_no_filter_computed_has_no_time_either():
     truth = JointTruth(TrueAngles(np.arange(100), np.zeros((100, 3))), False, False)
     found = with_true_clocks({"knee": KNEE}, {"knee": own}, {"knee": truth})["knee"]
     assert found.true_clock.refused == "unknown" and found.findings == []
+
+
+@pytest.mark.parametrize(
+    ("factor", "slow"), [(np.pi / 180, 1.0), (np.pi / 180, 0.1), (180 / np.pi, 0.05)]
+)
+def test_a_truth_in_another_unit_of_angle_is_aligned_so_that_the_errors_name_it(factor, slow):
+    angles = slow * moved(10)
+    found = clock(angles, factor * angles, ahead_s=2.003)
+    assert found.true_clock.method == "angular_rate"
+    assert found.true_clock.offset_s == pytest.approx(-2.003, abs=1e-3)
+
+
+HIP = BodyJoint(proximal="pelvis", distal="thigh", definition="hip")
+
+
+def of_two(knee, hip, true, same=False):
+    """The clock of a knee beside a hip, and what is said of it."""
+    time = np.round(1e9 * TIME).astype(np.int64)
+    own = {
+        "knee": JointEstimate(time, {KEY: knee}),
+        "hip": JointEstimate(time, {("vqf_6d", "isb_hip"): hip}),
+    }
+    truth = JointTruth(TrueAngles(time, true), same, False)
+    found = with_true_clocks({"knee": KNEE, "hip": HIP}, own, {"knee": truth})["knee"]
+    return found.true_clock, codes(found)
+
+
+@pytest.mark.parametrize("same", [False, True])
+def test_the_angle_of_another_joint_that_moves_alike_is_named_and_judges_nothing(same):
+    shared, knee, hip = moved(11), moved(12), moved(13)
+    knee, hip = shared + 0.5 * knee, shared + 0.5 * hip  # of one rhythm
+    right, said = of_two(knee, hip, knee, same)
+    assert not right.refused and not said
+    wrong, said = of_two(knee, hip, hip, same)
+    assert wrong.refused and said == ["truth.of_another_joint"]
+    _, said = of_two(knee, hip, moved(14), same)
+    assert "truth.of_another_joint" not in said

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from testbench.evaluation.dynamics import (
     CONVERGENCE_BAND,
@@ -60,6 +61,56 @@ def test_the_stated_uncertainty_of_a_delay_is_its_scatter():
     delays, stated = np.array(results).T
     assert delays.mean() == pytest.approx(0.02, abs=3e-4)
     assert np.median(stated) == pytest.approx(delays.std(), rel=0.4)
+
+
+def there_and_back(t: np.ndarray) -> np.ndarray:
+    """One trapezoid of 45 deg at 60 deg/s, from 3 s on [rad]."""
+    return np.radians(45 * (np.clip((t - 3) / 0.75, 0, 1) - np.clip((t - 3.95) / 0.75, 0, 1)))
+
+
+SHORT = np.arange(298, 472)
+
+
+def test_a_drift_through_a_sweep_there_and_back_is_no_delay():
+    drifting = there_and_back(T - 0.01) + np.radians(0.5) * T
+    found, sd = angle_delay(TIME_NS, drifting, there_and_back(T), [SHORT])
+    assert found == pytest.approx(0.01, abs=2e-5)
+    assert sd < 2e-3
+
+
+@pytest.mark.parametrize("tau_s", [0.05, 0.3, 1.0, 20.0])
+def test_the_delay_of_one_short_sweep_is_as_sure_as_is_stated_though_errors_last(tau_s):
+    rng = np.random.default_rng(5)
+    kept = np.exp(-1 / RATE / tau_s)
+    found = []
+    for _ in range(100):
+        noise = lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal(2 * N))[N:]
+        estimated = there_and_back(T - 0.01) + np.radians(0.3) * noise
+        found.append(angle_delay(TIME_NS, estimated, there_and_back(T), [SHORT]))
+    delays, stated = np.array(found).T
+    z = (delays - 0.01) / stated
+    assert np.mean(np.abs(z) < 2) >= 0.88  # 95 % less three standard deviations of a count
+    assert 0.55 < np.sqrt(np.mean(z**2)) < 1.3
+
+
+@pytest.mark.parametrize("tau_s", [0.05, 1.0])
+def test_the_delay_of_an_orientation_in_a_short_motion_is_as_sure_as_is_stated(tau_s):
+    rng = np.random.default_rng(6)
+    kept = np.exp(-1 / RATE / tau_s)
+    true = TrueTurning.of(TIME_NS, orientation(T))
+    moving = np.zeros(N, bool)
+    moving[500:800] = True
+    found = []
+    for _ in range(60):
+        noise = lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal((3, 2 * N)))[:, N:]
+        turned = rotation.from_rotation_vector(np.radians(0.3) * noise.T)
+        found.append(
+            orientation_delay(rotation.multiply(turned, orientation(T - 0.01)), true, moving)
+        )
+    delays, stated = np.array(found).T
+    z = (delays - delays.mean()) / stated
+    assert np.mean(np.abs(z) < 2) >= 0.85
+    assert 0.5 < np.sqrt(np.mean(z**2)) < 1.35
 
 
 def test_an_angle_that_rests_or_is_not_followed_has_no_delay():

@@ -50,7 +50,7 @@ def test_settling_is_told_by_the_median_pose_and_the_slowest():
     ]
     errors = sensor_errors("hand", estimate(rotation.from_heading(error)), true, steps)
     turning = TrueTurning.of(true.host_time_ns, true.q_world_from_sensor)
-    rows = summarise_sensor(errors, [], turning)
+    rows = summarise_sensor(errors, [], turning, 1e-4)
     (total,) = [r.errors for r in rows if (r.motion, r.part) == ("all", "total")]
     wanted = sorted(tau * np.log(3.0 / 0.1) for tau in (0.05, 0.1, 0.15, 0.6))
     assert total.unsettled == 0

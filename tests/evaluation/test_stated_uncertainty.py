@@ -13,7 +13,7 @@ from testbench.evaluation.cycles import joint_cycles
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.flexion import JointErrors, covered
 from testbench.evaluation.orientation import aligned_errors
-from testbench.evaluation.ranking import _Difference, _exceeds
+from testbench.evaluation.ranking import Difference, _exceeds
 from testbench.evaluation.verdict import judge, outcome_of, summarise_metrics
 from testbench.model import rotation
 from testbench.model.truth import truth_at
@@ -88,7 +88,7 @@ def test_of_several_alignments_by_motion_the_least_sure_one_counts():
 
 
 def test_p_is_of_both_sides():
-    found = _Difference(0.03, 0.01, 10, 100.0)
+    found = Difference(0.03, 0.01, 10, 100.0, 100)
     assert _exceeds(found, 0.01) == pytest.approx(2 * student.sf(2.0, 10))
 
 

@@ -10,8 +10,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from testbench.evaluation.angle_errors import angle_error_rows, convention_findings
 from testbench.evaluation.flexion import JointErrors
-from testbench.evaluation.true_angles import told_angles
 from testbench.model.joint_angle import decomposition_of
+from testbench.model.told_angles import told_angles
 from testbench.records.results.estimate import ClockFit, JointEstimate
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import TrueAngles
@@ -130,7 +130,7 @@ def test_a_truth_of_all_angles_is_one_of_every_definition():
     )
     angles = moved()
     estimate = JointEstimate(TIME_NS, {}, true_clock=ClockFit())
-    found = told_angles(session_of(TrueAngles(TIME_NS, angles), joint), "knee", estimate)
+    found, _ = told_angles(session_of(TrueAngles(TIME_NS, angles), joint), "knee", estimate)
     np.testing.assert_allclose(found["isb_knee"], angles, atol=1e-9)
     q = decomposition_of(joint).rotation(angles)
     np.testing.assert_allclose(found["XYZ"], decomposition_of("XYZ").angles(q), atol=1e-9)
@@ -144,7 +144,8 @@ def test_a_truth_of_one_angle_is_known_where_it_is_and_of_its_own_definition_alo
     angles[:, 1:] = np.nan
     angles[1000:1100] = np.nan
     shifted = JointEstimate(TIME_NS + 5_000_000, {}, true_clock=ClockFit(offset_s=0.005))
-    found = told_angles(session_of(TrueAngles(TIME_NS, angles), joint), "knee", shifted)
+    found, said = told_angles(session_of(TrueAngles(TIME_NS, angles), joint), "knee", shifted)
+    assert not said
     assert list(found) == ["isb_knee"]
     lost = np.isnan(found["isb_knee"][:, 0])
     assert lost[1001:1098].all() and lost.sum() <= 102
@@ -154,3 +155,46 @@ def test_a_truth_of_one_angle_is_known_where_it_is_and_of_its_own_definition_alo
 def test_a_truth_whose_time_is_not_known_judges_nothing():
     estimate = JointEstimate(TIME_NS, {}, true_clock=ClockFit(refused="no common motion"))
     assert told_angles(session_of(TrueAngles(TIME_NS, moved()), KNEE), "knee", estimate) is None
+
+
+def held_at(true: np.ndarray, estimated: np.ndarray, joint: BodyJoint = KNEE):
+    """True angles of a joint with an estimate, and what is said of them."""
+    estimate = JointEstimate(TIME_NS, {("vqf_6d", joint.label): estimated}, true_clock=ClockFit())
+    found, said = told_angles(session_of(TrueAngles(TIME_NS, true), joint), "knee", estimate)
+    return found[joint.label], said
+
+
+@pytest.mark.parametrize("joint", [KNEE, PLAIN])
+def test_a_goniometer_at_its_end_is_named_and_not_judged_there(joint):
+    angles = moved()
+    true = np.minimum(angles, 40 * DEG)
+    true[:, 1:] = np.nan
+    own, (said,) = held_at(true, angles, joint)
+    assert (
+        said.code == "truth.angle_held" and said.values["angle"] == decomposition_of(joint).names[0]
+    )
+    assert said.values["at_deg"] == pytest.approx(40 * joint.sign)
+    lost = np.isnan(own[:, 0])
+    assert said.values["count"] == lost.sum() > 100
+    assert not lost[angles[:, 0] < 40 * DEG].any()  # what was measured is judged
+    far = angles[:, 0] > 50 * DEG
+    assert lost[far].all() and far.sum() > 50
+
+
+def test_a_truth_that_rests_with_the_joint_or_moves_in_steps_or_never_is_judged():
+    angles = moved()
+    rests = angles.copy()
+    rests[1000:1500] = rests[1000]
+    assert not held_at(rests, rests)[1]
+    coarse = np.round(angles / (2 * DEG)) * 2 * DEG
+    assert not held_at(coarse, angles)[1]
+    locked = angles * [1, 0, 1]  # a model whose knee has no adduction
+    own, said = held_at(locked, angles)
+    assert not said and np.isfinite(own).all()
+
+
+def test_a_flexion_that_goes_its_own_way_is_said_to_be_hardly_alike():
+    true = moved()
+    loose = true + moved(2) * 1.2
+    assert "truth.angle_unlike" in codes(errors(true, loose))
+    assert "truth.angle_unlike" not in codes(errors(true, true + moved(2) * 0.5))

@@ -12,14 +12,20 @@ from scipy.spatial.transform import Rotation
 
 from testbench.evaluation import evaluate
 from testbench.evaluation.budgets import UNKNOWN_TRUTH, unknown_time
-from testbench.evaluation.sensitivity import flexion_by_joints, turning_by_joints
+from testbench.evaluation.sensitivity import flexion_by_arm
+from testbench.evaluation.time_lines import (
+    JudgedMotion,
+    TimeDoubt,
+    arm_time_source,
+    clock_source,
+)
 from testbench.evaluation.turning import judged_motion, turned_by_sensor
-from testbench.evaluation.uncertainty import ArmSensitivity, JudgedMotion, clock_source, combine
+from testbench.evaluation.uncertainty import ArmSensitivity, combine
 from testbench.model.kinematics import Kinematics
 from testbench.planning import plan
 from testbench.records.results.estimate import ClockFit, Estimate
 from testbench.records.results.evaluation import Outcome
-from testbench.records.session.session import Session
+from testbench.records.session.session import Event, Session
 from testbench.records.specs.protocol import AcceptanceLimit, JointDefinition
 from testbench.records.specs.robot import Robot
 
@@ -44,24 +50,24 @@ def test_sensitivities_of_an_euler_angle_are_those_of_its_closed_form(elbow, d, 
     joint = JointDefinition(
         proximal="arm", distal="forearm", sequence="YXZ", flexion="second", sign=-1
     )
-    found, _ = flexion_by_joints(kinematics, spec.sensors, joint, pose(d, f))
+    found, _ = flexion_by_arm(kinematics, spec.sensors, joint, pose(d, f))
     d, f = np.radians(d), np.radians(f)
     root = np.sqrt(1 - (np.sin(f) * np.cos(d)) ** 2)
     wanted = np.zeros(6)
     wanted[WRIST_3], wanted[WRIST_2] = np.cos(f) * np.cos(d) / root, np.sin(f) * np.sin(d) / root
-    np.testing.assert_allclose(found[0], wanted, atol=1e-6)
+    np.testing.assert_allclose(found[0, :6], wanted, atol=1e-6)
 
 
 def test_the_joint_that_is_the_truth_has_a_sensitivity_of_one_and_the_others_none(elbow):
     kinematics, spec = elbow
-    found, _ = flexion_by_joints(kinematics, spec.sensors, spec.joints["elbow"], pose(20, 0))
-    np.testing.assert_array_equal(found[0], [0, 0, 0, 0, 0, 1])
+    found, _ = flexion_by_arm(kinematics, spec.sensors, spec.joints["elbow"], pose(20, 0))
+    np.testing.assert_array_equal(found[0], [0, 0, 0, 0, 0, 1, *[0] * len(kinematics.twists)])
 
 
 def test_at_a_kink_the_larger_change_counts(elbow):
     kinematics, spec = elbow
     joint = JointDefinition(proximal="arm", distal="forearm", sequence="ZXZ", flexion="second")
-    found, _ = flexion_by_joints(
+    found, _ = flexion_by_arm(
         kinematics, spec.sensors, joint, pose(0, 0)
     )  # the middle angle is |f| there
     assert abs(found[0][WRIST_3]) == pytest.approx(1, abs=1e-3)
@@ -70,17 +76,17 @@ def test_at_a_kink_the_larger_change_counts(elbow):
 def test_a_mounting_error_about_the_flexion_axis_is_a_flexion_error_of_its_size(elbow):
     kinematics, spec = elbow
     joint = JointDefinition(proximal="arm", distal="forearm", sequence="ZXZ", flexion="second")
-    _, by_mounting = flexion_by_joints(kinematics, spec.sensors, joint, pose(0, 40))
+    _, by_mounting = flexion_by_arm(kinematics, spec.sensors, joint, pose(0, 40))
     for sensor in (by_mounting[0, :3], by_mounting[0, 3:]):
         assert np.linalg.norm(sensor) == pytest.approx(1, abs=1e-3)
 
 
 def test_joints_turn_a_sensor_about_their_axes(elbow):
-    kinematics, spec = elbow
-    axes = turning_by_joints(kinematics, spec.sensors["forearm"], pose(10, 30))[0]
+    kinematics, _ = elbow
+    axes = kinematics.error_axes("wrist_3_link", pose(10, 30))[0, :6]
     np.testing.assert_allclose(np.linalg.norm(axes, axis=1), 1, atol=1e-6)
     np.testing.assert_allclose(axes[0], [0, 0, 1], atol=1e-6)  # the arm stands upright
-    beyond = turning_by_joints(kinematics, spec.sensors["arm"], pose(10, 30))[0]
+    beyond = kinematics.error_axes("wrist_1_link", pose(10, 30))[0, :6]
     np.testing.assert_allclose(
         beyond[[WRIST_2, WRIST_3]], 0, atol=1e-9
     )  # they move nothing before them
@@ -88,7 +94,7 @@ def test_joints_turn_a_sensor_about_their_axes(elbow):
 
 def test_what_lasts_does_not_average_out_and_what_is_redrawn_does():
     signed = np.array([[1.0, 0.5], [1.0, -0.5], [1.0, 0.5], [1.0, -0.5]])
-    c = ArmSensitivity(signed, np.abs(signed), np.arange(4), np.full(4, 0.25), None)
+    c = ArmSensitivity(signed, np.abs(signed), np.arange(4), np.full(4, 0.25), None, 2)
     mean, size = c.constant()
     np.testing.assert_allclose(mean, [1, 0], atol=1e-12)
     np.testing.assert_allclose(size, [1, 0.5])
@@ -106,7 +112,7 @@ def test_sources_add_as_squares_and_their_freedom_by_welch_and_satterthwaite():
     lines = [dataclasses.replace(line, degrees_of_freedom=8.0) for line in lines]
     budget = combine("elbow", "flexion", "s", lines, [])
     assert budget.combined_deg == pytest.approx(0.05)
-    assert budget.expanded_deg == pytest.approx(0.1)
+    assert budget.expanded_deg == pytest.approx(0.05 * budget.coverage_factor)
     assert budget.combined_magnitude_deg == pytest.approx(np.hypot(0.04, 0.05))
     assert budget.degrees_of_freedom == pytest.approx(0.05**4 / ((0.03**4 + 0.04**4) / 8))
 
@@ -220,7 +226,9 @@ def test_the_budget_of_a_run_is_what_a_hand_calculation_gives(quick):
     assert line(budget, "tracking").contribution_deg == 0 and line(budget, "tracking").value > 0
     assert line(budget, "mounting").contribution_deg == 0  # the reference pose takes it out
     total = np.sqrt(sum(source.contribution_deg**2 for source in budget.sources))
-    assert budget.expanded_deg == pytest.approx(2 * total)
+    # one source of 25 % reliability makes nearly all of it: Student's t for 8 (JCGM 100:2008, G.2)
+    assert budget.coverage_factor == pytest.approx(2.31, abs=0.005)
+    assert budget.expanded_deg == pytest.approx(budget.coverage_factor * total)
     assert (
         8 <= budget.degrees_of_freedom < 8.1
     )  # one source of 25 % reliability makes nearly all of it
@@ -263,7 +271,8 @@ def test_the_robot_file_decides_how_sure_the_truth_is(quick):
     assert of(exact, "elbow", "flexion", "static").expanded_deg < 0.005
     each = [0.5, 0.5, 0.5, 0.5, 0.5, 0.02]
     own = evaluate(with_uncertainty(quick.session, joint_angle_deg=each), quick.estimate)
-    assert of(own, "elbow", "flexion", "static").expanded_deg == pytest.approx(0.04, rel=0.02)
+    budget = of(own, "elbow", "flexion", "static")
+    assert budget.combined_deg == pytest.approx(0.02, rel=0.02)
 
 
 def test_without_an_alignment_the_mounting_counts(quick):
@@ -306,4 +315,64 @@ def test_a_truth_that_did_not_come_from_the_arm_has_no_stated_uncertainty(quick,
     session.__dict__["robot"] = None
     evaluation = evaluate(session, quick.estimate)
     assert all(not b.complete and UNKNOWN_TRUTH in b.notes for b in evaluation.uncertainty)
-    assert all(m.expanded_uncertainty is None for m in evaluation.metrics)
+    assert all(m.expanded_uncertainty is None for m in evaluation.metrics if m.unit == "deg")
+    late = [m for m in evaluation.metrics if m.unit == "ms"]  # a delay has that of the clocks
+    assert late and all(m.expanded_uncertainty > 0 for m in late)
+
+
+def without_delays(session: Session) -> Session:
+    """The session as if nobody had said how late its gyroscopes are."""
+    copy = Session(session.path)
+    manifest = session.manifest
+    sensors = {
+        name: own.model_copy(update={"rate_delay_s": None})
+        for name, own in manifest.sensors.items()
+    }
+    copy.__dict__["manifest"] = manifest.model_copy(update={"sensors": sensors})
+    return copy
+
+
+def test_a_delay_of_the_gyroscope_that_nobody_states_is_a_line_and_a_note(quick):
+    known = of(quick.evaluation, "elbow", "flexion", "sweep")
+    assert line(known, "group delay of the gyroscope, forearm").value == 0 and not known.assumed
+    session = without_delays(quick.session)
+    evaluation = evaluate(session, quick.estimate)
+    budget = of(evaluation, "elbow", "flexion", "sweep")
+    delay, clock = (
+        line(budget, f"{name}, forearm")
+        for name in ("group delay of the gyroscope", "clock alignment")
+    )
+    assert delay.value == pytest.approx(500 / 60, rel=1e-3)  # ms, half an interval of a DOT
+    assert delay.standard_uncertainty == pytest.approx(delay.value / np.sqrt(3))
+    assert delay.magnitude_deg / delay.standard_uncertainty == pytest.approx(
+        clock.magnitude_deg / clock.standard_uncertainty
+    )
+    assert len(budget.assumed) == 2 and "8.33 ms" in budget.assumed[0]
+    assert budget.complete and budget.expanded_magnitude_deg > 1.5 * known.expanded_magnitude_deg
+    codes = [(found.code, found.where) for found in evaluation.findings]
+    assert {("judged.delay_unstated", name) for name in ("arm", "forearm")} <= set(codes)
+    assert "judged.delay_unstated" not in [found.code for found in quick.evaluation.findings]
+    late, before = (
+        next(
+            s.errors.latency_sd_ms
+            for s in own.joint_summary
+            if s.errors.latency_sd_ms is not None and s.filter == "vqf_6d"
+        )
+        for own in (evaluation, quick.evaluation)
+    )
+    assert late == pytest.approx(np.hypot(before, delay.standard_uncertainty), rel=0.05)
+
+
+def test_an_arm_whose_time_was_doubtful_says_so_in_the_budget(quick):
+    session = Session(quick.session.path)
+    record = session.manifest.arm.record
+    arm = session.manifest.arm.model_copy(update={"driver": "ur"})
+    session.__dict__["manifest"] = session.manifest.model_copy(update={"arm": arm})
+    assert record.simulated and not session.manifest.arm.record.simulated
+    told = [("arm_time_step", {"by_s": -0.02}), ("arm_time_doubtful", {"lead_s": 0.006})]
+    session.__dict__["events"] = [Event(0, name, details) for name, details in told]
+    doubt = TimeDoubt.of(session, quick.estimate)
+    assert doubt.arm_s == 0.02
+    source = arm_time_source(doubt, JudgedMotion(10.0, -30.0, 5.0))
+    assert source.contribution_deg == pytest.approx(10 * 0.02 / np.sqrt(3))
+    assert TimeDoubt.of(quick.session, quick.estimate).arm_s == 0

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
-import pytest
+import json
+import shutil
+from dataclasses import replace
 
-from testbench.evaluation.verdict import judge, outcome_of, summarise_metrics
+import numpy as np
+import pytest
+from scipy.stats import t
+
+from testbench.evaluation.dynamics import settling_sd
+from testbench.evaluation.outcomes import guard_band, otherwise_percent, outcome_of
+from testbench.evaluation.repeatability import EqualSessions
+from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.records.results.evaluation import Evaluation, JointRow, OrientationRow, Outcome
+from testbench.records.session.session import Session
 from testbench.records.specs.protocol import AcceptanceLimit, Analysis, JointDefinition
 
 
@@ -191,9 +201,146 @@ def test_a_limit_may_be_set_on_a_delay(quick):
             metric="elbow.flexion_latency_ms", filter="vqf_6d", section="sweep", max=0.001
         )
     )
-    metrics, outcome = judge(analysis, summarise_metrics(quick.evaluation))
-    assert outcome in {"pass", "fail"}
+    metrics, _ = judge(analysis, summarise_metrics(quick.evaluation))
     assert metrics[0].unit == "ms" and metrics[0].value is not None
+    sd = next(
+        row.errors.latency_sd_ms
+        for row in quick.evaluation.joint_summary
+        if (row.filter, row.section, row.motion) == ("vqf_6d", "sweep", "dynamic")
+    )
+    assert metrics[0].expanded_uncertainty == pytest.approx(1.96 * sd, rel=1e-3) != 0
+    for away, wanted in ((-1.01, "fail"), (-0.5, "marginal"), (0.5, "marginal")):
+        near = metrics[0].value + away * metrics[0].expanded_uncertainty
+        limit = AcceptanceLimit(
+            metric="elbow.flexion_latency_ms", filter="vqf_6d", section="sweep", max=near
+        )
+        assert judge(limits(limit), summarise_metrics(quick.evaluation))[1] == wanted
+
+
+def test_a_settling_time_has_an_uncertainty_and_without_one_nothing_passes(quick):
+    kind = "elbow.flexion_convergence_s"
+    found = [m for m in summarise_metrics(quick.evaluation) if m.name == kind]
+    assert found and all(m.expanded_uncertainty > 1.96 / 60 / np.sqrt(12) for m in found)
+    limit = AcceptanceLimit(metric=kind, filter=found[0].filter, section=found[0].section, max=100)
+    assert judge(limits(limit), found)[1] == "pass"
+    rows = [
+        replace(own, errors=replace(own.errors, convergence_sd_s=float("nan")))
+        for own in quick.evaluation.joint_summary
+    ]
+    unknown = summarise_metrics(replace(quick.evaluation, joint_summary=rows))
+    metrics, outcome = judge(limits(limit), unknown)
+    assert outcome == "marginal" and "how sure" in metrics[0].no_uncertainty
+
+
+def test_settling_times_scatter_are_sampled_and_wait_for_the_clock():
+    assert settling_sd([0.5], 0.06, 0.0) == pytest.approx(0.06 / np.sqrt(12))
+    assert settling_sd([0.5], 0.0, 0.003) == pytest.approx(0.003)
+    rng = np.random.default_rng(2)
+    drawn = rng.normal(1.0, 0.1, (4000, 15))
+    stated = np.mean([settling_sd(times, 0.0, 0.0) for times in drawn[:200]])
+    assert np.median(drawn, axis=1).std() == pytest.approx(stated, rel=0.1)
+
+
+@pytest.mark.parametrize("expanded", [float("nan"), -0.1])
+def test_an_uncertainty_that_is_no_number_passes_nothing(expanded):
+    limit = AcceptanceLimit(metric=MEAN, max=0.5)
+    assert outcome_of(0.05, limit, expanded) == "marginal"
+    assert outcome_of(0.51, limit, expanded) == "fail"
+    assert outcome_of(float("nan"), limit, expanded) == "not_measured"
+    for bound in ("max", "min"):
+        with pytest.raises(ValueError, match="finite"):
+            AcceptanceLimit.model_validate({"metric": MEAN, bound: float("nan")})
+
+
+NAMED = AcceptanceLimit(
+    metric=MEAN, filter="device", section="static", max=1.0, marginal_percent=0, repeatability="."
+)
+
+
+def beside(quick, folder, values) -> Session:
+    """A session and evaluated ones of the same protocol beside it, in which the metric came to
+    these values.
+    """
+    for i, value in enumerate([None, *values]):
+        own = folder / f"session_{i}"
+        own.mkdir()
+        for name in ("manifest.json", "events.jsonl"):
+            shutil.copy(quick.session.path / name, own / name)
+        manifest = json.loads((own / "manifest.json").read_text(encoding="utf-8"))
+        manifest["files"]["raw/imu_arm.parquet"] = f"{i}"  # other samples: a copy counts once
+        (own / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+        metrics = [
+            replace(m, value=value) if (m.name, m.filter, m.section) == WHICH else m
+            for m in quick.evaluation.metrics
+        ]
+        if value is not None:
+            replace(quick.evaluation, metrics=metrics, series={}).save(own)
+    return Session(folder / "session_0")
+
+
+WHICH = (MEAN, "device", "static")
+
+
+def among(quick, session, limit=NAMED):
+    equal = {".": EqualSessions.beside(session, ".")}
+    return judge(limits(limit), summarise_metrics(quick.evaluation), equal)
+
+
+def test_the_scatter_of_equal_sessions_widens_the_guard_band(quick, tmp_path):
+    alone, _ = judge(
+        limits(NAMED.model_copy(update={"repeatability": None})),
+        summarise_metrics(quick.evaluation),
+    )
+    value, expanded = alone[0].value, alone[0].expanded_uncertainty
+    session = beside(quick, tmp_path, [value - 0.2, value, value + 0.2, value])
+    sd = np.std([-0.2, 0, 0.2, 0], ddof=1)
+    guard = np.hypot(expanded, t.ppf(0.975, 3) * sd)
+    for away, wanted in ((1.01, "pass"), (0.99, "marginal"), (-0.99, "marginal"), (-1.01, "fail")):
+        limit = NAMED.model_copy(update={"max": value + away * guard})
+        metrics, outcome = among(quick, session, limit)
+        assert outcome == wanted
+        assert (metrics[0].sessions, metrics[0].session_sd) == (4, pytest.approx(sd))
+        assert 5 < metrics[0].otherwise_percent < 60
+    far = NAMED.model_copy(update={"max": value + 20 * guard})
+    assert among(quick, session, far)[0][0].otherwise_percent == 0
+
+
+def test_few_equal_sessions_say_nothing_and_so_nothing_passes(quick, tmp_path):
+    session = beside(quick, tmp_path, [0.1, 0.2])
+    metrics, outcome = among(quick, session, NAMED.model_copy(update={"max": 50.0}))
+    assert outcome == "marginal" and metrics[0].session_sd is None
+    assert metrics[0].no_uncertainty == "2 equal sessions in ., and 3 are needed"
+    assert among(quick, session, NAMED.model_copy(update={"max": 0.0, "min": -9.0}))[1] != "pass"
+
+
+def test_only_completed_sessions_of_the_same_protocol_are_equal(quick, tmp_path):
+    session = beside(quick, tmp_path, [0.1, 0.2, 0.3, 0.4])
+    for i, change in enumerate(({"status": "aborted"}, {"protocol": {"name": "another"}})):
+        file = tmp_path / f"session_{i + 1}" / "manifest.json"
+        file.write_text(json.dumps(json.loads(file.read_text()) | change))
+    found = EqualSessions.beside(session, ".").values
+    assert found[(*WHICH[:2], "ZXZ", WHICH[2])] == [0.3, 0.4]
+
+
+def test_a_copy_of_a_session_counts_once(quick, tmp_path):
+    session = beside(quick, tmp_path, [0.1, 0.2])
+    shutil.copytree(tmp_path / "session_2", tmp_path / "session_3")
+    shutil.copytree(tmp_path / "session_0", tmp_path / "session_4")
+    found = EqualSessions.beside(session, ".").values
+    assert found[(*WHICH[:2], "ZXZ", WHICH[2])] == [0.1, 0.2]
+
+
+def test_how_often_an_equal_session_comes_out_otherwise_is_what_is_said():
+    rng = np.random.default_rng(4)
+    limit = AcceptanceLimit(metric=MEAN, max=0.7, marginal_percent=0)
+    said, came = [], []
+    for _ in range(200):
+        *others, this, next_ = rng.normal(0.5, 0.1, 8).tolist()
+        guard = guard_band(0.05, others)
+        outcome = outcome_of(this, limit, guard)
+        said.append(otherwise_percent(outcome, limit, guard, others))
+        came.append(outcome_of(next_, limit, guard) is not outcome)
+    assert np.mean(said) == pytest.approx(100 * np.mean(came), abs=8)
 
 
 def test_the_uncertainty_of_the_metric_reaches_the_verdict(quick):

@@ -222,7 +222,7 @@ def test_frames_whose_stamps_stand_still_come_at_the_rate_of_the_file(
     path.write_text(re.sub(r"(?m)^(\d+[,\t])[^,\t]+", r"\g<1>0", path.read_text()))
     check(load(path, MARKERS), q)
     path.write_text(path.read_text().replace("100", "EXT", 1))
-    with pytest.raises(FileProblems, match="do not increase, and it states no rate; state one"):
+    with pytest.raises(FileProblems, match=r"do not increase at row 2 .*, and it states no rate"):
         load(path, MARKERS)
 
 

@@ -254,3 +254,24 @@ def test_a_motion_file_of_opensims_own_writer_is_read(tmp_path, load):
     for name in ("walk.mot", "walk.sto"):
         opensim.STOFileAdapter.write(own, str(tmp_path / name))
         check(load(tmp_path / name), FLEXION, None, None)
+
+
+@pytest.mark.parametrize(
+    ("step", "message"),
+    [
+        (-3.0, r"walk\.mot:308: its times go back at row 301, from 2\.99 to 0 s"),
+        (-0.01, r"walk\.mot:308: its times do not increase at row 301 \(2\.99 s\)"),
+    ],
+)
+def test_times_that_begin_anew_or_stand_still_are_named_by_their_line(load, mot, step, message):
+    time = TIME + step * (np.arange(600) >= 300)
+    file = angle_files.write_mot(mot({}).with_name("walk.mot"), time, {"knee_angle_r": FLEXION})
+    with pytest.raises(FileProblems, match=message):
+        load(file)
+
+
+def test_a_column_called_after_another_joint_is_named(load, mot):
+    file = mot({"hip_flexion_r": FLEXION, "bend": FLEXION})
+    session = load(file, angles={"knee_r.flexion": "hip_flexion_r"})
+    assert "truth.named_otherwise" in codes(session)
+    assert "truth.named_otherwise" not in codes(load(file, angles={"knee_r.flexion": "bend"}))

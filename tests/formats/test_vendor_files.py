@@ -163,9 +163,10 @@ def test_files_that_are_no_pair_are_refused(tmp_path, motion, load, change, said
 def test_imu_tk_needs_two_files_of_four_numbers(tmp_path, motion, load):
     with pytest.raises(InputError, match="a pair of files"):
         load("imu_tk", tmp_path / "one.txt")
-    (tmp_path / "three.txt").write_text("0 1 2\n0.1 1 2\n")
+    for name in ("three.txt", "other.txt"):
+        (tmp_path / name).write_text("0 1 2\n0.1 1 2\n")
     with pytest.raises(FileProblems, match=r"three.txt:1: .*four numbers"):
-        load("imu_tk", tmp_path / "three.txt", tmp_path / "three.txt")
+        load("imu_tk", tmp_path / "three.txt", tmp_path / "other.txt")
 
 
 # --- Technaid

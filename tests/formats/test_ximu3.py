@@ -160,7 +160,7 @@ def test_what_is_no_file_of_motion_is_named(table, xyz, motion, load, tmp_path):
     with pytest.raises(FileProblems, match=r"b\.csv: not one of Inertial\.csv"):
         load(battery)
     with pytest.raises(InputError, match=r"both the Inertial\.csv of one device"):
-        load(folder / "Inertial.csv", folder / "Inertial.csv")
+        load(folder, folder / "Inertial.csv")
 
 
 def test_a_slower_message_whose_time_goes_back_is_refused_with_its_line(table, xyz, motion, load):

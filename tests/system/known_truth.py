@@ -1,5 +1,5 @@
-"""Short sessions of a simulated arm with wrong joint zeros, and what their mean flexion errors
-would be if those were known.
+"""Short sessions of a simulated arm with wrong joint zeros and links, and what their mean flexion
+errors would be if those were known.
 
 The estimators and the evaluation see the encoders. What the links really did is rebuilt here from
 the seed, at the instants at which the samples were really taken, and nothing of it is written into
@@ -21,9 +21,10 @@ from testbench.estimation import estimate
 from testbench.evaluation import evaluate
 from testbench.evaluation.judged import window
 from testbench.execution import RunOptions, execute
+from testbench.execution.sensors import actual_kinematics
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angles, segment_orientation
-from testbench.model.kinematics import Kinematics, Pose
+from testbench.model.kinematics import Pose
 from testbench.planning import plan
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.session.plan import Plan, judged_steps
@@ -54,9 +55,11 @@ joints:
     reference_joint: wrist_3_joint
   by_frames: # several joints of the arm enter
     {proximal: arm, distal: forearm, sequence: YXZ, flexion: second, sign: -1}
+  by_symmetric_frames:
+    {proximal: arm, distal: forearm, sequence: ZXZ, flexion: second}
 variables: {flexion_deg: [15, 30, 45, 60]}
 motion: {speed: 0.8, acceleration: 0.8, jerk: 0.8}
-environment: {joint_errors: true}
+environment: {joint_errors: true, link_errors: true}
 sections:
   - name: reference
     role: reference
@@ -71,18 +74,23 @@ sections:
 estimate: {filters: [vqf_6d], align: reference_pose, calibrate: none}
 """
 PLACES = [
-    (joint, section) for joint in ("by_joint", "by_frames") for section in ("static", "sweep")
+    (joint, section)
+    for joint in ("by_joint", "by_frames", "by_symmetric_frames")
+    for section in ("static", "sweep")
 ]
 
 
 @dataclass(frozen=True)
 class Case:
-    """One reported mean flexion error, its expanded uncertainty, and what it really is [deg]."""
+    """One reported mean flexion error, its combined and expanded uncertainty, and what it really is
+    [deg].
+    """
 
     seed: int
     joint: str
     section: str
     reported: float
+    combined: float
     expanded: float
     true: float
 
@@ -91,16 +99,12 @@ class Case:
         return abs(self.reported - self.true) <= self.expanded
 
 
-def cases(seeds: Iterable[int], joint_errors: bool = True) -> list[Case]:
-    """Run a session for each seed, of an arm with wrong joint zeros or with right ones."""
+def cases(seeds: Iterable[int], wrong: bool = True) -> list[Case]:
+    """Run a session for each seed, of an arm with wrong zeros and links or with right ones."""
     result = []
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "known_truth.yaml"
-        text = (
-            PROTOCOL
-            if joint_errors
-            else PROTOCOL.replace("joint_errors: true", "joint_errors: false")
-        )
+        text = PROTOCOL if wrong else PROTOCOL.replace("_errors: true", "_errors: false")
         file.write_text(text, encoding="utf-8")
         the_plan = plan(file)
         for seed in seeds:
@@ -142,14 +146,16 @@ def judged_cases(the_plan: Plan, session: Session, evaluation: Evaluation, seed:
                 )
         reported = summary.errors.mean_error_deg
         assert abs(np.mean(again) - reported) < 1e-9  # the same samples count here and there
-        assert summary.expanded_uncertainty_deg is not None
+        budget = next(b for b in evaluation.uncertainty if (b.owner, b.section) == (joint, section))
+        assert budget.combined_deg is not None and budget.expanded_deg is not None
         result.append(
             Case(
                 seed,
                 joint,
                 section,
                 reported,
-                summary.expanded_uncertainty_deg,
+                budget.combined_deg,
+                budget.expanded_deg,
                 float(np.mean(means)),
             )
         )
@@ -174,7 +180,7 @@ def actual_flexion(
 ) -> np.ndarray:
     """What the links really did at the samples of the proximal sensor [rad], shape (n,)."""
     spec, definition = the_plan.protocol.spec, session.analysis.joints[joint]
-    kinematics = Kinematics(the_plan.robot)
+    kinematics = actual_kinematics(the_plan, seed)
     imu = SimulatedImu(
         definition.proximal,
         spec.sensors[definition.proximal],
@@ -197,3 +203,24 @@ def actual_flexion(
         )
         segments.append(segment_orientation(motion.q_world_from_frame, sensor))
     return definition.sign * joint_angles(segments[0], segments[1], definition.sequence)[:, 1]
+
+
+def of_one_session(folder: str | Path, stated: bool = True) -> tuple[Session, Evaluation]:
+    """One session of the protocol, and its evaluation.
+
+    Args:
+        folder: To write it into.
+        stated: Whether the manifest states the delays of the gyroscopes.
+    """
+    file = Path(folder) / "known_truth.yaml"
+    file.write_text(PROTOCOL, encoding="utf-8")
+    session = execute(plan(file), folder, 0, RunOptions(session_name=f"stated_{stated}"))
+    if not stated:
+        sensors = {
+            name: own.model_copy(update={"rate_delay_s": None, "sampling": None})
+            for name, own in session.manifest.sensors.items()
+        }
+        session = Session(session.path)
+        unstated = session.manifest.model_copy(update={"sensors": sensors})
+        session.__dict__["manifest"] = unstated
+    return session, evaluate(session, estimate(session))

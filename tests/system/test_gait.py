@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,9 @@ from testbench import gait
 from testbench.formats.recording import ImportedSensor, Recording, write_recording
 from testbench.frames import NANOSECONDS
 from testbench.records.disk.json_file import json_text
+from testbench.records.findings.catalogue import finding
+from testbench.records.results.calibration import TriadCalibration
+from testbench.records.results.calibration_file import SensorCalibration, save_calibration
 from testbench.records.results.gait import Gait
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.session import Session
@@ -132,6 +136,104 @@ def test_two_feet_are_compared(found) -> None:
     rows = {row.quantity: row for row in found.symmetry}
     assert abs(rows["stride_time_s"].difference_percent) < 1
     assert 1.3 < rows["length_m"].left < 1.45
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--on", "foot", "--on", "shank"], "says foot and shank of all sensors"),
+        (["--filter", "nope"], "unknown filter 'nope'"),
+        (["--filter", "vqf_9d", "--on", "shank"], "--filter vqf_9d takes mag"),
+        (["--corners", "0,0 0,0"], "goes from its first corner to others"),
+        (["--corners", "0,0 1e300,1"], "goes from its first corner to others"),
+    ],
+)
+def test_what_cannot_be_said_of_a_walk_is_refused(simulated, capsys, words, said) -> None:
+    assert command("gait", simulated.path, "--no-report", *words) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+
+
+def test_what_has_no_effect_on_a_foot_is_told(simulated, capsys) -> None:
+    words = ["--mounting", "level", "--filter", "vqf_6d", "--json", "--no-report"]
+    result = told(capsys, "gait", simulated.path, *words)
+    (own,) = result["sensors"].values()
+    idle = [entry["sentence"] for entry in own["findings"] if entry["code"] == "gait.idle"]
+    assert len(idle) == 2 and "--mounting" in idle[0] and "--filter" in idle[1]
+
+
+def test_steps_go_from_the_contact_of_one_foot_to_that_of_the_other(data, found) -> None:
+    contacts = {side: listed(data, side)[:, 2] / 204.8 for side in ("left", "right")}
+    leaves = {side: listed(data, side)[:, 3] / 204.8 for side in ("left", "right")}
+    for side, other in (("left", "right"), ("right", "left")):
+        rows = {row.quantity: row for row in found.sensors[side].rows}
+        before = np.array(
+            [t - contacts[other][contacts[other] < t].max(initial=-9) for t in contacts[side]]
+        )
+        after = np.array(
+            [leaves[other][leaves[other] > t].min(initial=99) - t for t in contacts[side]]
+        )
+        true = np.median(before), np.median(after)
+        assert rows["step_time_s"].mean == pytest.approx(true[0], abs=0.015)
+        assert rows["double_support_s"].mean == pytest.approx(true[1], abs=0.025)
+        assert 20 < rows["step_time_s"].count <= len(contacts[side])
+    both = {row.quantity: row for row in found.symmetry}
+    assert {"step_time_s", "double_support_s"} <= both.keys()
+
+
+def two_feet(folder: Path, later_s: float, *noted: str) -> Gait:
+    """Feet that walk half a stride apart, the left one later by so much."""
+    true = walked(straight(10, rate=100.0, rests=(3.0, 4.0)))
+    gyr, acc = with_errors(true)
+    sensors = {}
+    for name, late in (("foot_r", 0.0), ("foot_l", later_s)):
+        rows = np.clip(np.arange(len(acc)) - round(100 * late), 0, len(acc) - 1)
+        stamps = np.round(np.arange(len(acc)) / 100 * NANOSECONDS).astype(np.int64)
+        fine, count = np.zeros(len(acc), dtype=bool), np.arange(len(acc))
+        samples = ImuSamples(stamps, stamps, gyr[rows], acc[rows], None, None, count, fine)
+        sensors[name] = ImportedSensor([samples], 100.0, "made up", None, {})
+    analysis = Analysis(estimate=Estimation(filters=["vqf_6d"], align="none", calibrate="none"))
+    recording = Recording(
+        "walk", "walk", sensors, analysis, findings=[finding(own) for own in noted]
+    )
+    return gait(
+        write_recording(recording, [folder / "a.csv"], "made up", folder / "s", FakeClock())
+    )
+
+
+def test_a_limp_shows_in_the_times_of_steps_alone(tmp_path) -> None:
+    found = two_feet(tmp_path, 0.45)  # of 1.1
+    rows = {row.quantity: row for row in found.symmetry}
+    assert rows["step_time_s"].left == pytest.approx(0.45, abs=0.005)
+    assert rows["step_time_s"].right == pytest.approx(0.65, abs=0.005)
+    assert rows["step_time_s"].difference_percent == pytest.approx(-36.4, abs=2)
+    assert abs(rows["stride_time_s"].difference_percent) < 0.5
+
+
+def test_feet_on_clocks_of_their_own_have_no_steps(tmp_path) -> None:
+    found = two_feet(tmp_path, 0.45, "clock.power_up")
+    assert [own.code for own in found.findings] == ["gait.no_common_clock"]
+    assert "step_time_s" not in {row.quantity for row in found.symmetry}
+
+
+def test_a_stored_calibration_corrects_what_a_walk_is_reckoned_by(tmp_path, capsys) -> None:
+    true = walked(straight(12, 1.3, rate=100.0, rests=(4.0, 4.0)))
+    scale, bias = np.array([0.97, 1.02, 1.04]), np.array([0.4, -0.3, 0.2])
+    session = session_of(tmp_path, "foot", 100.0, true.gyr, true.acc / scale + bias, None)
+    triad = TriadCalibration("static_poses", matrix=np.diag(scale), bias=bias)
+    when = datetime(2023, 2, 1, tzinfo=UTC)
+    stored = SensorCalibration(
+        "foot", None, when, "s", "0" * 64, "1", None, {"accelerometer": triad}
+    )
+    found, store = gait(session), tmp_path / "stored"
+    store.mkdir()
+    save_calibration(store / "foot.yaml", stored)
+    plain = [stride.length_m for stride in found.sensors["foot"].strides if stride.counted]
+    result = told(capsys, "gait", session.path, "--calibration", store, "--json", "--no-report")
+    own = result["sensors"]["foot"]
+    lengths = [stride["length_m"] for stride in own["strides"] if stride["counted"]]
+    assert abs(np.mean(lengths) - 1.3) < 0.003 < abs(np.mean(plain) - 1.3)
+    assert "calibration.stored_undated" in {entry["code"] for entry in own["findings"]}
+    assert command("gait", session.path, "--calibration", tmp_path / "nowhere") == 2
 
 
 def test_a_leg_that_swings_once_or_twice_is_no_walk(tmp_path, capsys) -> None:

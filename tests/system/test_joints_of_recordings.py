@@ -206,6 +206,62 @@ def test_opensim_opens_their_motion_by_names_of_its_own_models(squats, squatted,
 # --- what is not shown, and what is wrong
 
 
+@pytest.mark.parametrize(
+    ("joint", "told"),
+    [
+        ("knee_r=RFemur:RTibia", set()),
+        ("hip_r=Pelvis:RFemur", set()),
+        ("knee_r=RTibia:RFemur", {"structure.joint_turned", "joint.sensors_exchanged"}),
+        ("hip_r=RFemur:Pelvis", {"structure.joint_turned", "joint.sensors_exchanged"}),
+        ("knee_r=Pelvis:RTibia", {"structure.joint_elsewhere", "joint.centre_apart"}),
+        ("knee_r=Pelvis:RFemur", {"structure.joint_elsewhere"}),  # its motion is a joint's, too
+        ("knee_l=RFemur:RTibia", {"structure.joint_of_both_sides"}),
+    ],
+)
+def test_sensors_that_are_not_those_of_the_joint_are_named(data, tmp_path, joint, told):
+    files = tuple(str(own) for own in sorted((data / "xsens_dot").glob("*.csv")))
+    body, out = BodyRequest(joints=(joint,)), str(tmp_path / "s")
+    asked = ImportRequest(format="xsens_dot", files=files, out=out, body=body)
+    session = bring_in(asked, SystemClock())
+    found = [*session.manifest.findings, *estimate(session).joints[joint.split("=")[0]].findings]
+    warned = {own.code for own in found if own.severity == "warning"}
+    assert {code for code in warned if code.startswith(("joint", "structure.joint"))} == told
+
+
+def test_a_file_that_is_given_twice_is_refused_and_a_copy_is_named(data, tmp_path):
+    femur = next((data / "xsens_dot").glob("RFemur*.csv"))
+    copy = tmp_path / femur.name.replace("RFemur", "RTibia")
+    shutil.copy(femur, copy)
+
+    def asked(*files):
+        return ImportRequest(
+            format="xsens_dot", files=tuple(map(str, files)), out=str(tmp_path / "s")
+        )
+
+    with pytest.raises(InputError, match=r"RFemur\S+ is given twice"):
+        bring_in(asked(femur, femur.parent / ".." / femur.parent.name / femur.name))
+    found = bring_in(asked(femur, copy)).manifest.findings
+    (said,) = [own for own in found if own.code == "structure.copies"]
+    assert said.values == {"first": femur.name, "second": copy.name}
+
+
+@pytest.mark.parametrize(
+    ("body", "code"),
+    [
+        ({"standing": "0:9"}, "joint.standing_moves"),
+        ({"place_by": "stated"}, "joint.axes_unstated"),
+    ],
+)
+def test_what_a_person_says_of_the_pose_and_the_recording_denies_is_told(
+    data, tmp_path, body, code
+):
+    files = tuple(str(own) for own in sorted((data / "xsens_dot").glob("*.csv")))
+    asked = BodyRequest(joints=("knee_r=RFemur:RTibia",), **body)
+    out = str(tmp_path / "s")
+    session = bring_in(ImportRequest(format="xsens_dot", files=files, out=out, body=asked))
+    assert code in {own.code for own in estimate(session).joints["knee_r"].findings}
+
+
 def test_a_body_that_does_not_move_has_no_angles_and_says_what_to_add(tmp_path, clock):
     scene = walking_limb.walk(1, 2.5)  # stands
     mapping, files = walking_limb.export(scene, tmp_path / "files", JOINTS)
@@ -264,7 +320,7 @@ def test_an_edited_manifest_is_refused_with_what_is_allowed(squats, tmp_path, an
     ("options", "words"),
     [
         ({"joints": ("k=RFemur:Tibia",)}, "known: Pelvis, RFemur, RTibia"),
-        ({"joints": ("k=RFemur:RFemur",)}, "joints.k: proximal and distal are the same sensor"),
+        ({"joints": ("k=RFemur:RFemur",)}, "--joint k: proximal and distal are the same sensor"),
         ({"joints": ("k=RFemur",)}, "NAME=PROXIMAL:DISTAL"),
         ({"joints": ("1=RFemur:RTibia",)}, "must be a name"),
         ({"joints": ("k=RFemur:RTibia", "k=Pelvis:RTibia")}, "twice for k"),
@@ -272,7 +328,18 @@ def test_an_edited_manifest_is_refused_with_what_is_allowed(squats, tmp_path, an
         ({"joints": ("k=RFemur:RTibia",), "sequences": ("h=ZXY",)}, "the joints are k"),
         ({"joints": ("k=RFemur:RTibia",), "sequences": ("ZXY", "ZYX")}, "twice for all"),
         ({"joints": ("k=RFemur:RTibia",), "sequences": ("{hinge: [0]}",)}, "at least 3"),
+        ({"joints": ("k=RFemur:RTibia",), "sequences": ("=ZXY",)}, "JOINT=DEFINITION"),
         ({"joints": ("k=RFemur:RTibia",), "standing": "now"}, "FROM:TO"),
+        ({"joints": ("k=RFemur:RTibia",), "standing": "2:1"}, "--standing: [2.0, 1.0]"),
+        ({"joints": ("k=RFemur:RTibia",), "forward": ("Pelvis=z",)}, "no joint is of that sensor"),
+        (
+            {"joints": ("k=RFemur:RTibia",), "place_by": "stated", "standing": "0:1"},
+            "has an effect",
+        ),
+        (
+            {"joints": ("k=RFemur:RTibia",), "segments": ("RFemur=leg", "RTibia=leg")},
+            "two sensors of one segment, 'leg'",
+        ),
         ({"joints": ("k=RFemur:RTibia",), "forward": ("RFemur=q",)}, "'x', 'y', 'z'"),
         ({"sequences": ("ZXY",)}, "there is none"),
         ({"forward": ("Pelvis=x",)}, "there is none"),

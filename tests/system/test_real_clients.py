@@ -139,6 +139,7 @@ def test_a_kill_in_motion_stops_the_arm(maker, robot, plans, tmp_path, whom):
     try:
         end = time.monotonic() + 120
         while int(robot.control("status").split()[-2]) < before + 50:
+            assert not said.poll(), f"it ended before it moved: {said.recv()}"
             assert bench.is_alive() and time.monotonic() < end, "it never moved"
             time.sleep(0.02)
         if whom == "bench":

@@ -12,7 +12,7 @@ import pytest
 
 from testbench import estimate, evaluate
 from testbench.clock import SystemClock
-from testbench.exceptions import SessionError
+from testbench.exceptions import InputError, SessionError
 from testbench.formats import import_recording
 from testbench.formats.exporters import ExportSource, write_export
 from testbench.formats.options import Options
@@ -23,6 +23,7 @@ from testbench.records.session.session import Session
 from testbench.reporting.report import render
 from tests.command_line import command
 from tests.formats import angle_files
+from tests.reporting.test_viewer import chunks_of, column
 from tests.system import walking_limb
 
 JOINTS = """\
@@ -227,6 +228,65 @@ def test_a_truth_of_another_person_judges_nothing(walked):
     codes = {own.code for own in found.findings}
     assert {"clock.no_common_motion", "judged.angles_not_aligned", "judged.nothing"} <= codes
     assert isinstance(render(session, Estimate.load(session.path), found), str)
+
+
+def test_radians_where_the_file_says_degrees_are_named_beside_their_errors(walked):
+    radians = {"knee_angle_r": np.radians(walked.angles["knee_r"][:, 0])}
+    file = angle_files.write_mot(walked.folder / "radians.mot", walked.time, radians)
+    _, found = judged(walked, "radians", file)
+    (said,) = [own for own in found.findings if own.code == "truth.angle_unit"]
+    assert said.values["factor"] == pytest.approx(57.3, abs=0.1)
+    assert "clock.no_common_motion" not in {own.code for own in found.findings}
+
+
+@pytest.fixture(scope="module")
+def told(walked) -> Session:
+    """Judged by true angles that began earlier."""
+    return judged(walked, "told", walked.mot, offset=AHEAD_S)[0]
+
+
+def test_exports_hold_the_true_angles_beside_the_estimated_ones(walked, told, tmp_path):
+    source = ExportSource(told, Estimate.load(told.path))
+    time = source.estimate.joints["knee_r"].host_time_ns
+    write_export("csv", source, tmp_path / "csv")
+    table = np.genfromtxt(tmp_path / "csv" / "joint_knee_r.csv", delimiter=",", names=True)
+    found = np.degrees(table["true_isb_knee_flexion_rad"])
+    known = np.isfinite(found)
+    assert known.mean() > 0.95
+    wanted = np.interp(1e-9 * time, walked.time, walked.angles["knee_r"][:, 0])
+    np.testing.assert_allclose(found[known], wanted[known], atol=0.3)
+    true = ExportSource(told, source.estimate, "truth")
+    write_export("mot", true, tmp_path / "true.mot")
+    again = np.genfromtxt(tmp_path / "true.mot", skip_header=9, names=True)
+    knee = np.interp(again["time"] + 1e-9 * time[0], walked.time, walked.angles["knee_r"][:, 0])
+    np.testing.assert_allclose(again["knee_angle_r"], knee, atol=0.3)
+    with pytest.raises(InputError, match="nobody knows the true orientation of sensor"):
+        write_export("sto", true, tmp_path / "true.sto")
+
+
+def test_the_viewer_draws_the_true_flexion(walked, told, tmp_path):
+    evaluate(told, Estimate.load(told.path)).save(told.path)
+    assert command("view", told.path, "--save", tmp_path / "walk.rrd") == 0
+    chunks = chunks_of(tmp_path / "walk.rrd")
+    drawn = column(chunks, "/joints/knee_r/isb_knee/flexion", "Scalars:scalars")
+    true = np.array([row[0] for row in drawn])  # before the filters
+    known = true[np.isfinite(true)]
+    assert len(known) > 0.9 * len(drawn) > 100  # a line is thinned
+    flexion = walked.angles["knee_r"][:, 0]
+    assert known.max() == pytest.approx(flexion.max(), abs=2.0)
+    assert known.min() == pytest.approx(flexion.min(), abs=2.0)
+
+
+def test_a_filter_is_tuned_by_true_angles_of_joints(told, tmp_path, capsys):
+    words = ["tune", told.path, "--filter", "vqf_6d", "--parameters", "tau_acc_s", "--points", 3]
+    words += ["--values", 3, "--no-refinement", "--out", tmp_path / "best.json"]
+    assert command(*words) == 2
+    assert "--objective flexion_rmse_deg" in capsys.readouterr().err
+    assert command(*words, "--objective", "knee_r.flexion_rmse_deg") == 0
+    found = json.loads((tmp_path / "best.json").read_text())
+    rows = evaluate(told, Estimate.load(told.path)).joint_angle
+    (untuned,) = (row.flexion_rmse_deg for row in rows if row.joint == "knee_r")
+    assert 0 < found["value"] < untuned + 1e-3
 
 
 def test_a_session_that_lost_its_true_angles_is_damaged(walked):

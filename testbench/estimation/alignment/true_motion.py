@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from testbench.estimation.alignment.parting import parting_finding
 from testbench.estimation.alignment.truth_reading import RateFit, fit_rates, misread
 from testbench.estimation.signals.access import SampleAccess
 from testbench.estimation.signals.common_motion import MOST_DRIFT
@@ -160,7 +161,15 @@ def true_motion(
         findings.insert(0, told)
     if doubt is None and sound.clock.method == "none" and sound.truth is not None:
         findings += _late(access, sound.truth, described, sound.clock)
+    findings += _parting(access, read, replace(sound, unaligned=unaligned))
     return replace(sound, findings=findings, unaligned=unaligned, fit=fit)
+
+
+def _parting(access: SampleAccess, read: np.ndarray, motion: TrueMotion) -> list[Finding]:
+    """Where truth and gyroscope part slowly, if they can be compared at all."""
+    if motion.unaligned or motion.truth is None or motion.clock.method == "arrival":
+        return []
+    return parting_finding(access.turned, read, motion.truth)
 
 
 def _without_faults(

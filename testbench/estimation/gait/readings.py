@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.consistency.doubtful import CLIPPED, SATURATED
+from testbench.estimation.calibration.stored_calibration import corrector
 from testbench.estimation.filters.base import UniformSamples
 from testbench.estimation.signals.access import MOST_AT_ONCE, WholeRecording
 from testbench.estimation.signals.recording import SensorRecording
 from testbench.estimation.signals.segmentation import detect_static, intervals_of
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.records.results.calibration_file import SensorCalibration
 from testbench.records.results.estimate import ClockFit
 
 REST_S = 1.0
@@ -62,13 +64,15 @@ def fits_in_memory(recording: SensorRecording) -> bool:
     return recording.raw.count <= MOST_AT_ONCE
 
 
-def readings_of(recording: SensorRecording) -> Readings:
+def readings_of(recording: SensorRecording, stored: SensorCalibration | None = None) -> Readings:
     """Prepare a sensor's samples.
 
     Args:
         recording: One that `fits_in_memory`.
+        stored: A stored calibration, applied to all that is read.
     """
-    access = WholeRecording(recording.raw, recording.belief)
+    correct = [] if stored is None else [corrector(stored)]
+    access = WholeRecording(recording.raw, recording.belief, *correct)
     uniform, rows = access.regular(ClockFit())
     derived = not uniform.has("gyr") and uniform.has("device_q")
     if derived:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+from testbench.estimation.filters import choose_filters
 from testbench.estimation.gait.parameters import MOUNTINGS, PUBLISHED
 from testbench.estimation.gait.wearing import FOUND
 from testbench.exceptions import InputError, NotFoundError
@@ -53,8 +54,9 @@ class GaitSettings:
             sensors: Of the session.
 
         Raises:
-            NotFoundError: No such sensor, place, mounting or parameters.
+            NotFoundError: No such sensor, place, mounting, parameters or filter.
         """
+        choose_filters([self.filter])
         for what, given, allowed in (
             ("place", self.on, PLACES),
             ("mounting", self.mounting, (FOUND, *MOUNTINGS)),
@@ -77,9 +79,12 @@ def by_sensor(option: str, given: Iterable[str], sensors: Sequence[str]) -> dict
         sensors: Of the session.
 
     Raises:
-        InputError: A sensor is named twice.
+        InputError: A sensor is named twice, or two things are said of all.
     """
-    found: dict[str, str] = {}
+    given, found = list(given), dict[str, str]()
+    bare = [text.strip() for text in given if "=" not in text]
+    if len(bare) > 1:
+        raise InputError(f"{option} says {' and '.join(bare)} of all sensors; say which holds")
     for text in given:
         sensor, equals, value = text.rpartition("=")
         for name in [sensor.strip()] if equals else sensors:

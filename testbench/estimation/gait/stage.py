@@ -6,13 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.estimation.calibration.stored_calibration import StoredCalibrations
 from testbench.estimation.filters import choose_filters
 from testbench.estimation.gait.foot import FootWalk, walk_on_foot
 from testbench.estimation.gait.notices import notices_on_foot, notices_on_regression
 from testbench.estimation.gait.parameters import PUBLISHED
 from testbench.estimation.gait.placement import place_by_motion, place_by_name, side_by_name
 from testbench.estimation.gait.readings import Readings, fits_in_memory, readings_of
-from testbench.estimation.gait.settings import DEFAULT_PARAMETERS, GaitSettings
+from testbench.estimation.gait.settings import DEFAULT_FILTER, DEFAULT_PARAMETERS, GaitSettings
+from testbench.estimation.gait.steps import with_steps
 from testbench.estimation.gait.strides import (
     LEAST_STRIDES,
     foot_strides,
@@ -24,9 +26,12 @@ from testbench.estimation.gait.strides import (
 from testbench.estimation.gait.walk import Walk, walk
 from testbench.estimation.gait.wearing import FOUND, levelled, mounting_matrix
 from testbench.estimation.signals.recording import SensorRecording
+from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
+from testbench.records.results.calibration_file import SensorCalibration
 from testbench.records.results.gait import Gait, SensorGait
 from testbench.records.session.session import Session
 
@@ -36,36 +41,64 @@ LEAST_SAMPLES = 100
 Signals = dict[str, np.ndarray]
 
 
-def gait(session: Session, settings: GaitSettings | None = None) -> Gait:
+def gait(
+    session: Session,
+    settings: GaitSettings | None = None,
+    calibrations: list[SensorCalibration] | None = None,
+) -> Gait:
     """Find the strides of everybody who walked in a recording.
 
     Args:
         session: The recording.
         settings: What is known beside the samples; everything is found if None.
+        calibrations: Stored ones to correct the raw samples with; each sensor takes its own that is
+            nearest in time.
 
     Raises:
         NotFoundError: The settings name what does not exist.
-        InputError: A mounting that was named cannot be.
+        InputError: A mounting that was named cannot be, a filter takes what a sensor does not give,
+            or calibrations were given and not one is
+            of a sensor of this session.
         SessionError: The session's samples are damaged, or being recorded.
     """
     settings = settings or GaitSettings()
     settings.check(session.sensor_names)
+    given = StoredCalibrations(session, calibrations or [])
+    given.check()
     sensors: dict[str, SensorGait] = {}
     walks: dict[str, Signals] = {}
     for name in session.sensor_names:
-        sensors[name], signals = _of_sensor(SensorRecording.of(session, name), settings)
+        recording = SensorRecording.of(session, name)
+        own, signals = _of_sensor(recording, settings, given.of(name))
+        told = [*given.findings(name), *own.findings, *_idle(own, settings)]
+        sensors[name] = replace(own, findings=told)
         if signals:
             walks[name] = signals
+    sensors, findings = with_steps(sensors, session.manifest.findings)
     return Gait(
         session=session.name,
         fingerprint=session.fingerprint,
         sensors=sensors,
         symmetry=symmetry(list(sensors.values())),
+        findings=findings,
         walks=walks,
     )
 
 
-def _of_sensor(recording: SensorRecording, settings: GaitSettings) -> tuple[SensorGait, Signals]:
+def _idle(own: SensorGait, settings: GaitSettings) -> list[Finding]:
+    """What was said of a sensor that its way was not reckoned by."""
+    if own.method != "strapdown":
+        return []
+    said = [("--mounting", settings.mounting.get(own.sensor, FOUND) != FOUND)]
+    said.append(("--filter", settings.filter != DEFAULT_FILTER))
+    return [
+        finding("gait.idle", own.sensor, option=option, place=own.on) for option, on in said if on
+    ]
+
+
+def _of_sensor(
+    recording: SensorRecording, settings: GaitSettings, stored: SensorCalibration | None
+) -> tuple[SensorGait, Signals]:
     """The gait by one sensor, and its signals; none where there is no walk to be had."""
     name = recording.name
     own = SensorGait(sensor=name, side=side_by_name(name))
@@ -74,7 +107,7 @@ def _of_sensor(recording: SensorRecording, settings: GaitSettings) -> tuple[Sens
         return replace(own, findings=[finding("gait.too_long", name, samples=count)]), {}
     if recording.raw.count < LEAST_SAMPLES:
         return replace(own, findings=[finding("gait.no_walk", name)]), {}
-    readings = readings_of(recording)
+    readings = readings_of(recording, stored)
     if not np.isfinite(readings.acc).any() or not readings.uniform.gyr.any():
         return replace(own, findings=[finding("gait.no_triads", name)]), {}
     told = settings.on.get(name, "")
@@ -160,6 +193,11 @@ def _by_regression(
     unbiased = replace(readings.uniform, gyr=readings.rate)
     level = levelled(unbiased, R)
     kind = choose_filters([settings.filter])[0]
+    missing = kind.missing(level)
+    if missing:
+        raise InputError(
+            f"--filter {kind.name} takes {' and '.join(missing)}, which {own.sensor} does not give"
+        )
     q = kind.run(level)
     times = np.round(readings.time * NANOSECONDS).astype(np.int64)
     found = walk(times, q, PUBLISHED[parameters])

@@ -30,6 +30,8 @@ QUANTITIES = (
     "rise_m",
     "clearance_m",
 )
+STEP_TIME, DOUBLE_SUPPORT = "step_time_s", "double_support_s"
+"""Of two feet, which a stride of one does not tell."""
 TURNING, UNKNOWN_WAY, TOO_FAST = "it turns", "its readings have a hole", "no foot goes so fast"
 NO_STAND = "the foot does not stand for too long"
 STANDING = "it begins or ends in standing"
@@ -182,14 +184,7 @@ def with_means(own: SensorGait) -> SensorGait:
         values = np.array([_value(stride, quantity) for stride in counted], dtype=float)
         values = values[np.isfinite(values)]
         if len(values):
-            sd = float(values.std(ddof=1)) if len(values) > 1 else float("nan")
-            least, most = float(values.min()), float(values.max())
-            mean = float(values.mean())
-            rows.append(
-                GaitRow(
-                    quantity=quantity, count=len(values), mean=mean, sd=sd, least=least, most=most
-                )
-            )
+            rows.append(row_of(quantity, values))
     times = np.array([stride.stride_time_s for stride in own.strides], dtype=float)
     swings = np.array([s.swing_s / s.stride_time_s for s in counted], dtype=float)
     swings = swings[np.isfinite(swings)]
@@ -201,6 +196,23 @@ def with_means(own: SensorGait) -> SensorGait:
         # two steps to a stride
         cadence_steps_min=120 / float(times.mean()) if len(times) else float("nan"),
         stance_percent=100 * (1 - float(swings.mean())) if len(swings) else float("nan"),
+    )
+
+
+def row_of(quantity: str, values: np.ndarray) -> GaitRow:
+    """A quantity over what counts.
+
+    Args:
+        quantity: Its name, with the unit.
+        values: One or more, shape (n,).
+    """
+    return GaitRow(
+        quantity=quantity,
+        count=len(values),
+        mean=float(values.mean()),
+        sd=float(values.std(ddof=1)) if len(values) > 1 else float("nan"),
+        least=float(values.min()),
+        most=float(values.max()),
     )
 
 
@@ -232,6 +244,8 @@ def symmetry(sensors: Sequence[SensorGait]) -> list[SymmetryRow]:
         )
         for key in (
             "stride_time_s",
+            STEP_TIME,
+            DOUBLE_SUPPORT,
             "swing_s",
             "length_m",
             "speed_m_s",

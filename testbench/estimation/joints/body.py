@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from testbench.estimation.filters import OrientationFilter
+from testbench.estimation.joints.above import proximal_above
+from testbench.estimation.joints.anatomical_range import beyond_anatomy
 from testbench.estimation.joints.angle_sd import AngleBudget, angle_sd
 from testbench.estimation.joints.centre_apart import centre_apart
 from testbench.estimation.joints.constrained import constrained, is_constrained
@@ -52,6 +54,10 @@ ALIGNED_SD = np.radians(0.5)
 """Of the heading between two sensors that were brought to one truth [rad]."""
 VAGUE = np.radians(10.0)
 """A relative heading that is known no better at some time is remarked on [rad]."""
+MOST_STATED_SWAY = np.radians(3.0)
+"""Who is said to stand and turns by more about the mean does not (RMS): twice what a rest that is
+found may sway by [rad].
+"""
 DIRECTIONS = {
     sign + name: (1 if not sign else -1) * np.eye(3)[i]
     for sign in ("", "-")
@@ -193,7 +199,10 @@ def _place(
     else:
         placing = _by_standing(recording, joints, kind, limb, relative)
     for name, joint in joints.items():
-        placing.findings.setdefault(name, []).extend(_of_centre(limb, joint, kind.name))
+        told = _of_centre(limb, joint, kind.name)
+        if not told and placing.standing is not None and kind_of(name, joint) is not None:
+            told = _of_order(limb, joint, kind.name, placing.standing)
+        placing.findings.setdefault(name, []).extend(told)
     return placing
 
 
@@ -206,6 +215,25 @@ def _of_centre(limb: Limb, joint: BodyJoint, key: str) -> list[Finding]:
         return [finding("joint.centre_apart", filter=key)]
     shift, sensor = apart.shift_s, joint.distal
     return [finding("joint.clocks_apart", filter=key, shift_s=shift, sensor=sensor)]
+
+
+def _of_order(limb: Limb, joint: BodyJoint, key: str, standing: Standing) -> list[Finding]:
+    """Whether the sensors of a joint were exchanged: all joints of known kinds hang while standing,
+    the proximal segment above.
+    """
+    above = proximal_above(limb, joint.proximal, joint.distal, standing)
+    if above is None or not above.upside_down:
+        return []
+    return [
+        finding(
+            "joint.sensors_exchanged",
+            filter=key,
+            proximal=joint.proximal,
+            distal=joint.distal,
+            below_cm=-100 * above.height,
+            sd_cm=100 * above.sd,
+        )
+    ]
 
 
 def _aligned_to_truth(recording: BodyRecording, names: Sequence[str], key: str) -> bool:
@@ -270,15 +298,17 @@ def _as_stated(
         name: as_stated(stated_axes(recording.body, name), heading, sd)
         for name, heading in headings.items()
     }
+    findings: dict[str, list[Finding]] = {}
+    for name, joint in joints.items():
+        bare = [own for own in _ends(joint) if not recording.body.segment(own).rotation_deg]
+        findings[name] = [finding("joint.axes_unstated", sensors=bare)] if bare else []
+        if name in relative:
+            findings[name].append(finding("joint.as_stated", by=relative[name].by))
     return Placing(
         placed,
         relative={name: relative[name].sd if name in relative else np.pi for name in joints},
         posed=dict.fromkeys(joints, False),
-        findings={
-            name: [finding("joint.as_stated", by=relative[name].by)]
-            for name in joints
-            if name in relative
-        },
+        findings=findings,
     )
 
 
@@ -379,6 +409,9 @@ def _said(
     code = "joint.standing_stated" if standing.told else "joint.standing_found"
     sd = recording.body.alignment.axes_sd_deg
     said = [finding(code, begin_s=begin, end_s=end, sd_deg=sd)]
+    sway = max(standing.sway[own] for own in _ends(recording.body.joints[name]))
+    if sway > MOST_STATED_SWAY:
+        said.append(finding("joint.standing_moves", sway_deg=float(np.degrees(sway))))
     relative = facing.relative_by.get(name, "")
     said.append(finding("joint.facing", filter=key, by=facing.by, relative=relative))
     return said
@@ -432,6 +465,7 @@ def _angles(
         found.sd[key, definition.label] = as_kept(
             angle_sd(time, q[0], q[1], decomposition_of(definition), budget)
         )
+    found.findings.extend(beyond_anatomy(name, joint, key, found.angles[key, joint.label]))
 
 
 def _with_drift(

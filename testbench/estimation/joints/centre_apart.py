@@ -21,12 +21,20 @@ from testbench.estimation.joints.limb import Limb
 
 FEIGNED = 0.5
 """RMS that the inclination of filters can feign [m/s^2]: that of 3 deg feigns 0.51."""
-DOUBTFUL, APART = 0.1, 0.5
-"""Part of the less moved sensor's variance: left by sensors of one joint at most, and by others at
-least [1]. Simulated walkers with sensors on skin leave 0.01, those on other legs 0.7 and more.
+DOUBTFUL = 0.1
+"""Part of the less moved sensor's level variance that sensors of one joint leave at most, to be
+beyond doubt [1].
+"""
+APART = 0.7
+"""Part of the less moved sensor's whole variance that sensors of other segments leave at least [1].
+Simulated walkers with sensors on skin leave 0.02, three Xsens DOTs on a person who squats slowly
+0.5; a knee between two legs leaves 2.1, an ankle 1.0, a segment passed over 1.5 to 9, by the DOTs
+6. The hip of the other side leaves 0.1, and is not seen: one pelvis carries both.
 """
 WIDEST_S, STEP_S = 2.0, 0.04
-"""Shifts that are tried, and how far apart [s]."""
+"""Shifts that are tried, in recordings of four times as long, and how far apart [s]."""
+SHORTEST_S = 4.0
+"""Less says nothing [s]."""
 HEADINGS = np.arange(30) * 2 * np.pi / 30
 MOST = 3000
 """Instants that are looked at: a minute at the rate of a limb."""
@@ -55,9 +63,9 @@ def centre_apart(limb: Limb, first: str, second: str) -> CentreApart | None:
     a, A = (own[:MOST] for own in centre_terms(limb, first))
     b, B = (own[:MOST] for own in centre_terms(limb, second))
     known = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
-    most = round(WIDEST_S / limb.interval)
-    if known.sum() < 4 * most:
+    if known.sum() * limb.interval < SHORTEST_S:
         return None
+    most = min(round(WIDEST_S / limb.interval), int(known.sum()) // 4)
     a, b = np.where(known[:, None], a, 0.0), np.where(known[:, None], b, 0.0)
     A, B = (np.where(known[:, None, None], own, 0.0) for own in (A, B))
     moved = min(float(np.mean(np.sum(own[:, :2] ** 2, axis=1))) for own in (a, b))
@@ -82,4 +90,5 @@ def centre_apart(limb: Limb, first: str, second: str) -> CentreApart | None:
     least = left(best)
     if least < min(DOUBTFUL * moved, as_read / LEAST_CONTRAST):
         return CentreApart(best * limb.interval)
-    return CentreApart(None) if as_read > APART * moved else None
+    whole = min(float(np.mean(np.sum(own**2, axis=1))) for own in (a, b))
+    return CentreApart(None) if as_read > APART * whole else None

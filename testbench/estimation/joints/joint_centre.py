@@ -150,14 +150,33 @@ class CentreCost:
         self.prior = 0.3**2 / LEVER_SD**2 * np.eye(6)
 
     def __call__(self, heading: float) -> float:
+        H, right, ab = self._normal(heading)
+        left = float(self.squares - 2 * ab - right @ np.linalg.solve(H, right))
+        return max(left, 0.0) / self.n
+
+    def levers(self, heading: float) -> tuple[np.ndarray, np.ndarray]:
+        """Of the joint's centre from both sensors, one after the other, in their axes.
+
+        Args:
+            heading: That brings the second sensor's earth to the first's [rad].
+
+        Returns:
+            Shape (6,) [m], and the inverse of their normal matrix, shape (6, 6) [s^4]: times the
+            variance of an acceleration it is their covariance, if all are independent.
+        """
+        H, right, _ = self._normal(heading)
+        inverse = np.linalg.inv(H)
+        return -inverse @ right, inverse
+
+    def _normal(self, heading: float) -> tuple[np.ndarray, np.ndarray, float]:
+        """Normal matrix and right side of the levers (r, s), and what a and b have in common."""
         weights = np.array([np.cos(heading), np.sin(heading), 1.0])
         AB, Ab = np.tensordot(weights, self.AB, 1), np.tensordot(weights, self.Ab, 1)
         aB, ab = weights @ self.aB, weights @ self.ab
         # left over: a + A r - R (b + B s), in r and s
         H = np.block([[self.AA, -AB], [-AB.T, self.BB]]) + self.prior
         right = np.concatenate([self.Aa - Ab, self.Bb - aB])
-        left = self.squares - 2 * ab - right @ np.linalg.solve(H, right)
-        return float(max(left, 0.0)) / self.n
+        return H, right, float(ab)
 
 
 def _vertex(cost: CentreCost, near: float) -> tuple[float, float]:

@@ -6,32 +6,30 @@ on its sign, so that a truth which counts otherwise is aligned all the same, and
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from testbench.estimation.signals.rates import LOST_S, WIDEST, RateMagnitude, angle_rate
+from testbench.estimation.joints.angle_fits import UNFITTED, angle_fits
+from testbench.estimation.joints.angle_of_another import angle_of_another
 from testbench.estimation.signals.recording import JointTruth
-from testbench.estimation.signals.time_alignment import fit_anywhere
 from testbench.frames import NANOSECONDS
-from testbench.model import rotation
 from testbench.model.joint_angle import INDEX, decomposition_of
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import ClockFit, JointEstimate
 from testbench.records.specs.protocol import JointDefinition
 
-LEAST_ROWS = 10
-"""Rates that both must have."""
-UNFITTED = ClockFit(method="arrival")
-"""The clock as the times are read."""
 SHIFT_TOLD_S = 0.05
 """Smaller shifts are not told [s]."""
 AGREE_S = 0.02
 """Joints that differ by less are by one clock: filters delay each by some milliseconds [s]."""
 AS_STATED = {"still", "periodic"}
 """Why no clock was fitted, where a stated offset holds all the same."""
+ANOTHER = "angle of another joint"
+DEGREES = 180 / np.pi
+"""Degrees that were taken for radians hardly move, and are looked at so many times as large [1]."""
 
 
 def with_true_clocks(
@@ -47,13 +45,15 @@ def with_true_clocks(
         truths: Of those whose angles another system gave.
     """
     result = dict(estimates)
-    clocks = {
-        name: _clock(result[name], joints[name], truth)
-        for name, truth in truths.items()
-        if name in result
-    }
-    for name, clock in _shared({name: clock for name, (clock, _) in clocks.items()}).items():
-        found = [*result[name].findings, *clocks[name][1]]
+    clocks, told = {}, {}
+    for name, truth in truths.items():
+        if name in result:
+            clocks[name], told[name] = _clock(result[name], joints[name], truth)
+            another = angle_of_another(name, joints, result, truth, clocks[name])
+            if another is not None:
+                clocks[name], told[name] = replace(UNFITTED, refused=ANOTHER), [another]
+    for name, clock in _shared(clocks).items():
+        found = [*result[name].findings, *told[name]]
         result[name] = replace(result[name], true_clock=clock, findings=found)
     return result
 
@@ -89,10 +89,13 @@ def _clock(
     flexion = [INDEX[joint.flexion]]
     best = UNFITTED if own else replace(UNFITTED, refused="unknown")
     for places in (flexion, truth.angles.given):
-        fits = list(_fits(found, own, truth, places, places))
+        fits = list(angle_fits(found, own, truth, places, places))
         best = max([*fits, best], key=lambda fit: (fit.method == "angular_rate", _known(fit)))
         if best.method == "angular_rate":
             break
+    if best.refused == "still":
+        larger = angle_fits(found, own, truth, flexion, flexion, DEGREES)
+        best = next((fit for fit in larger if fit.method == "angular_rate"), best)
     if best.method != "angular_rate" and truth.near and best.refused in AS_STATED:
         return ClockFit(), [finding("clock.joint_as_stated")]
     told = _told(best)
@@ -103,50 +106,6 @@ def _clock(
 
 def _known(fit: ClockFit) -> float:
     return fit.correlation if np.isfinite(fit.correlation) else -1.0
-
-
-def _fits(
-    found: JointEstimate,
-    own: list[np.ndarray],
-    truth: JointTruth,
-    places: list[int],
-    true_places: list[int],
-) -> Iterator[ClockFit]:
-    """The fit to the angles of each filter, up to the first that holds.
-
-    Args:
-        found: The joint.
-        own: Angles by each filter, shape (n, 3) [rad].
-        truth: Its true angles.
-        places: Of the angles that are looked at.
-        true_places: Of those of the truth.
-    """
-    true = angle_rate(truth.angles.host_time_ns, truth.angles.angles[:, true_places])
-    for angles in own:
-        measured = _rate(found.host_time_ns, angles[:, places])
-        if len(true.time) < LEAST_ROWS or len(measured.time) < LEAST_ROWS:
-            yield replace(UNFITTED, refused="unknown")
-            continue
-        fit = fit_anywhere(measured, true, UNFITTED, 0.0, truth.near)
-        yield fit
-        if fit.method == "angular_rate":
-            return
-
-
-def _rate(time_ns: np.ndarray, angles: np.ndarray) -> RateMagnitude:
-    """Length of the rates of estimated angles at their own instants.
-
-    Args:
-        time_ns: Shape (n,).
-        angles: Shape (n, k) [rad].
-    """
-    rows = np.isfinite(angles).all(axis=1) & (np.diff(time_ns, prepend=time_ns[:1] - 1) > 0)
-    time = time_ns[rows] / NANOSECONDS
-    if len(time) < LEAST_ROWS:
-        return RateMagnitude(np.zeros(0), np.zeros(0), 0.0, 0.0)
-    rates = np.gradient(np.unwrap(angles[rows], axis=0), time, axis=0)
-    gap = max(LOST_S, WIDEST * float(np.median(np.diff(time))))
-    return RateMagnitude(time, rotation.lengths(rates), 0.0, gap)
 
 
 def _as_read(found: JointEstimate, truth: JointTruth) -> tuple[ClockFit, list[Finding]]:
@@ -193,7 +152,7 @@ def _exchanged(
     names, said = decomposition_of(joint).names, []
     for place in truth.angles.given:
         for other in range(3):
-            fits = _fits(found, own[:1], truth, [other], [place])
+            fits = angle_fits(found, own[:1], truth, [other], [place])
             if other != place and any(fit.method == "angular_rate" for fit in fits):
                 code = "truth.angle_of_another"
                 said.append(finding(code, angle=names[place], other=names[other]))

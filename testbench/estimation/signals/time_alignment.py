@@ -134,7 +134,9 @@ def fit_anywhere(
         chosen = int(np.argmin(np.abs(shifts)))
         others = np.delete(shifts, chosen)
         if not near or abs(shifts[chosen]) > np.abs(others - shifts[chosen]).min() / 4:
-            return replace(arrival, refused="periodic", candidates_s=shifts)
+            return replace(
+                arrival, refused="periodic", candidates_s=shifts, correlation=found.correlation
+            )
     begin = float(measured.time[0])
     offset = begin - (begin - found.candidates_s[chosen]) * (1 + found.drift)
     fit = _refine(measured.thinned(MOST_POINTS), true, offset, found.drift)
@@ -221,7 +223,7 @@ def _refine(
     """
     slope = np.gradient(true.rate, true.time)
     middle = float(measured.time.mean())
-    gain = 1.0
+    gain = _first_gain(measured, true, offset, drift)
     residual, jacobian, inside = np.zeros(1), np.eye(3), np.zeros(1, dtype=bool)
     for _ in range(ITERATIONS):
         host = (measured.time - offset) / (1 + drift)
@@ -269,6 +271,17 @@ def _refine(
         method="angular_rate",
         correlation=float(np.sqrt(max(1 - variance / max(float(np.var(rates)), 1e-30), 0.0))),
     )
+
+
+def _first_gain(measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float) -> float:
+    """By what the truth's rates fit the sensor's at a first guess of the times: a truth in another
+    unit of angle is aligned all the same.
+    """
+    host = (measured.time - offset) / (1 + drift)
+    inside = true.known_at(host)
+    expected = np.interp(host[inside], true.time, true.rate)
+    gain = float(expected @ measured.rate[inside]) / max(float(expected @ expected), 1e-30)
+    return gain if gain > 0 else 1.0
 
 
 def _jackknife_covariance(

@@ -109,6 +109,9 @@ def _series(source: ExportSource) -> dict[str, tuple[np.ndarray, dict[str, np.nd
                 f"{joint}_{sequence}_{which}": angles[:, i]
                 for i, which in enumerate(("first", "second", "third"))
             }
+        columns = {name: own for name, own in columns.items() if np.isfinite(own).any()}
+        if not columns:
+            continue
         rows = np.flatnonzero(np.isfinite(np.column_stack(list(columns.values()))).all(axis=1))
         rows = rows[increasing(time[rows])]
         result[f"joint '{joint}'"] = (

@@ -14,6 +14,7 @@ from testbench.formats.exporters.chain_pose import chain_orientation
 from testbench.formats.opensim_names import Model
 from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series
+from testbench.model.told_angles import told_angles
 from testbench.model.true_segment import true_segment
 from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.estimate import Estimate
@@ -69,6 +70,18 @@ class ExportSource:
         return {name: self.session.truth(name) for name in self.session.sensor_names}
 
     @cached_property
+    def told(self) -> dict[str, dict[str, np.ndarray]]:
+        """True angles that another system gave of joints, at the instants of their estimates: by
+        joint and label of a definition, shape (n, 3) [rad]; NaN where they judge nothing.
+        """
+        found = {}
+        for name, joint in self.estimate.joints.items():
+            told = told_angles(self.session, name, joint)
+            if told is not None:
+                found[name] = told[0]
+        return found
+
+    @cached_property
     def arm(self) -> ArmSamples | None:
         """What the arm reported."""
         return self.session.arm()
@@ -121,7 +134,8 @@ class ExportSource:
             InputError: It could not run for a sensor, or none ran.
         """
         if self.wanted is not None:
-            for name in self.sensor_names if self.chain is None else ():
+            of_joints = self.wanted == TRUTH and bool(self.told)
+            for name in self.sensor_names if self.chain is None and not of_joints else ():
                 self._check_ran(name, self.wanted)
             return self.wanted
         sensors = [self.estimate.sensors[name] for name in self.sensor_names]
@@ -160,6 +174,7 @@ class ExportSource:
         if self.chain is not None:
             time, q = self.chain.host_time_ns, chain_orientation(self.session, self.chain, sensor)
         elif self.filter == TRUTH:
+            self._check_ran(sensor, TRUTH)
             truth = self.truths[sensor]
             assert truth is not None
             time, q = truth.host_time_ns, truth.q_world_from_sensor
@@ -187,6 +202,8 @@ class ExportSource:
 
     def joint_names(self) -> list[str]:
         """Joints whose angles the chosen filter, or the truth, gives."""
+        if self.filter == TRUTH and self.told:
+            return list(self.told)
         if self.filter == TRUTH:
             return list(self.session.analysis.joints)
         return [
@@ -208,19 +225,24 @@ class ExportSource:
                 for (key, sequence), angles in estimated.angles.items()
                 if key == self.filter
             }
+        if estimated is not None and joint in self.told:
+            return estimated.host_time_ns, self.told[joint]
         time = self.orientation(self.session.analysis.joints[joint].proximal)[0]
         return time, self.true_angles(joint, time)
 
     def true_angles(self, joint: str, time_ns: np.ndarray) -> dict[str, np.ndarray]:
-        """The three angles of the segments' true orientations, by definition of the joint.
+        """The three angles of a joint as another system told them, else of the segments' true
+        orientations, by definition of the joint.
 
         Args:
             joint: Of the protocol.
-            time_ns: Host time, shape (n,).
+            time_ns: Host time, shape (n,); of angles that were told, that of the estimate.
 
         Returns:
             By label of the definition, shape (n, 3) [rad]; NaN where the truth is unknown.
         """
+        if joint in self.told:
+            return self.told[joint]
         definition = self.session.analysis.joints[joint]
         q = []
         for name in (definition.proximal, definition.distal):

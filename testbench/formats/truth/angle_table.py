@@ -153,7 +153,7 @@ def _coordinates(file: Path, rate: float | None) -> AngleTable:
     if names[0].strip().lower() != "time" or len(names) < 2 or len(set(names)) != len(names):
         raise refuse("the titles must be time and the coordinates, each once", at + 1)
     rows = number_rows(file, at + 2, separator, len(names))
-    times = tracked_times(file, len(rows), rows[:, 0], rate)
+    times = tracked_times(file, len(rows), rows[:, 0], rate, first_line=at + 2)
     stated = header.get("indegrees", "").lower()
     unit: AngleUnit | None = {"yes": "deg", "no": "rad"}.get(stated)  # type: ignore[assignment]
     columns = {name: rows[:, i] for i, name in enumerate(names) if i}

@@ -9,13 +9,13 @@ import numpy as np
 from testbench.exceptions import InputError
 from testbench.formats.recording import ImportedAngles, Recording
 from testbench.formats.truth.angle_names import Chosen
-from testbench.formats.truth.angle_table import AngleTable, AngleUnit
+from testbench.formats.truth.angle_table import AngleTable, AngleUnit, plain_title
 from testbench.frames import NANOSECONDS
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.session.manifest import JointTruthRecord
 from testbench.records.session.samples import TrueAngles
-from testbench.records.specs.anatomy import side_of
+from testbench.records.specs.anatomy import JointKind, kind_of, side_of
 
 FARTHEST_RAD = 4 * np.pi
 """No joint of a body turns so far: such numbers are degrees [rad]."""
@@ -59,6 +59,7 @@ def give_angles(
         if recording.analysis.body is not None:
             ends = recording.analysis.body.joints[name]
             recording.findings += _of_both_sides(where, name, ends.proximal, ends.distal, columns)
+            recording.findings += _named_otherwise(where, kind_of(name, ends), columns)
         recording.findings += _lost(where, columns, table.time_ns, angles)
         true = TrueAngles(table.time_ns[fresh], angles[fresh])
         source = f"{table.system}: {', '.join(told)}"
@@ -77,6 +78,17 @@ def _of_both_sides(
     left = [name for name in names if side_of(name) == "left"]
     right = [name for name in names if side_of(name) == "right"]
     return [finding("truth.both_sides", where, left=left, right=right)] if left and right else []
+
+
+def _named_otherwise(where: str, kind: JointKind | None, columns: list[Chosen]) -> list[Finding]:
+    """Columns that are called after another joint than the one they are given to."""
+    said = []
+    for own in columns:
+        called = kind_of(plain_title(own.column))
+        if kind is not None and called not in (kind, None):
+            values = {"column": own.column, "called": called, "kind": kind}
+            said.append(finding("truth.named_otherwise", where, **values))
+    return said
 
 
 def _units(

@@ -70,7 +70,7 @@ def read_motive(file: Path, rate: float | None) -> Tracked:
     timed = next((i for i, c in enumerate(columns) if c.axis.lower().startswith("time")), None)
     seconds = None if timed is None else rows[:, timed]
     stated = stated_rate(header.get("Export Frame Rate"))
-    times = tracked_times(file, len(rows), seconds, rate, stated)
+    times = tracked_times(file, len(rows), seconds, rate, stated, at + 2)
     tracked = Tracked("Motive (y up)", times)
     for kind in MARKERS:
         places = _places(columns, (kind,), "position", "XYZ")

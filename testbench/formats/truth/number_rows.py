@@ -50,6 +50,19 @@ def number_rows(file: Path, first_line: int, separator: str, width: int) -> np.n
     return np.concatenate(blocks)
 
 
+def line_of_row(file: Path, first_line: int, row: int) -> int:
+    """The line at which a row stands that `number_rows` read.
+
+    Args:
+        file: Text.
+        first_line: As given to `number_rows`.
+        row: From 0.
+    """
+    with LineStream(file, encoding_of(file), first_line - 1) as stream:
+        blank = itertools.takewhile(lambda line: not line.strip(), stream.lines())
+        return first_line + sum(1 for _ in blank) + row
+
+
 def _cells(file: Path, number: int, line: str, separator: str, width: int) -> list[str]:
     parts = line.split() if separator == BLANKS else line.split(separator)
     cells = [cell.strip() or "nan" for cell in parts]

@@ -72,7 +72,7 @@ def read_qualisys(file: Path, rate: float | None) -> Tracked:
         lead = extra
     rows = number_rows(file, at + 1, "\t", lead + width)
     stated = stated_rate((header.get("FREQUENCY") or [""])[0])
-    times = tracked_times(file, len(rows), rows[:, 1] if lead == 2 else None, rate, stated)
+    times = tracked_times(file, len(rows), rows[:, 1] if lead == 2 else None, rate, stated, at + 1)
     tracked = Tracked("Qualisys", times)
     if bodies:
         for i, name in enumerate(names):

@@ -33,7 +33,9 @@ def read_sto(file: Path, rate: float | None) -> Tracked:
     if not chunks:
         raise FileProblems(file, [Problem("there are no rows below the titles")])
     columns = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in kinds}
-    times = tracked_times(file, len(columns[TIME]), columns[TIME], rate)
+    times = tracked_times(
+        file, len(columns[TIME]), columns[TIME], rate, first_line=table.first_line
+    )
     bodies = {
         body: quaternions(np.column_stack([columns[f"{body}_{axis}"] for axis in AXES]))
         for body in table.bodies

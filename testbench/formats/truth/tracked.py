@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import FileProblems, NotFoundError, Problem
+from testbench.formats.truth.number_rows import line_of_row
 from testbench.frames import NANOSECONDS
 
 METRES = {
@@ -100,6 +101,7 @@ def tracked_times(
     seconds: np.ndarray | None,
     rate: float | None,
     stated: float | None = None,
+    first_line: int | None = None,
 ) -> np.ndarray:
     """Times of frames: at a person's rate, else as stamped, else at the rate of the file.
 
@@ -109,23 +111,44 @@ def tracked_times(
         seconds: Their stamps, shape (n,) [s]; None where it has none.
         rate: That a person states [Hz], or None.
         stated: That the file states [Hz], or None.
+        first_line: At which or below which its rows begin, from 1; None of a file without lines.
 
     Returns:
         From the first frame on, shape (n,), int64 [ns].
 
     Raises:
-        FileProblems: Nothing tells them.
+        FileProblems: Nothing tells them, or they go back, as where two recordings were joined.
     """
     if rate is not None:
         return frame_times(count, rate)
+    if seconds is not None:
+        _refuse_return(file, seconds, first_line)
     times = None if seconds is None else stamped(seconds)
     if times is not None:
         return times
     if stated is not None:
         return frame_times(count, stated)
-    seen = "it has no times" if seconds is None else "its times do not increase"
+    seen, line = "it has no times", None
+    if seconds is not None:
+        row = int(np.flatnonzero(~(np.diff(seconds, prepend=-np.inf) > 0))[0])
+        seen = f"its times do not increase at row {row + 1} ({seconds[row]:g} s)"
+        line = None if first_line is None else line_of_row(file, first_line, row)
     message = f"{seen}, and it states no rate; state one with --truth-rate HZ"
-    raise FileProblems(file, [Problem(message)])
+    raise FileProblems(file, [Problem(message, line=line)])
+
+
+def _refuse_return(file: Path, seconds: np.ndarray, first_line: int | None) -> None:
+    """Raise where stamps go back, shape (n,) [s]: what follows is not what came before."""
+    back = np.flatnonzero(np.diff(seconds) < 0)
+    if len(back):
+        row = int(back[0]) + 1
+        line = None if first_line is None else line_of_row(file, first_line, row)
+        message = (
+            f"its times go back at row {row + 1}, from {seconds[row - 1]:g} to {seconds[row]:g} s, "
+            "as where two recordings were joined; keep one of them, or state with --truth-rate HZ "
+            "that the rows follow each other evenly"
+        )
+        raise FileProblems(file, [Problem(message, line=line)])
 
 
 def quaternions(values: np.ndarray) -> np.ndarray:

@@ -56,5 +56,5 @@ def read_trc(file: Path, rate: float | None) -> Tracked:
         raise refuse("the titles must be Frame#, Time and the markers", titles + 1)
     rows = number_rows(file, titles + 3, separator, 2 + 3 * len(names))
     stated = stated_rate(header.get("DataRate"))
-    times = tracked_times(file, len(rows), rows[:, 1], rate, stated)
+    times = tracked_times(file, len(rows), rows[:, 1], rate, stated, titles + 3)
     return Tracked("TRC", times, points(np.array(rows[:, 2:]), names, METRES[unit]))

@@ -33,6 +33,8 @@ from testbench.records.results.evaluation_rows import (
     OrientationSweepRow,
     OutlierRow,
     RankRow,
+    RepeatedMetric,
+    RepeatedSession,
     TunedRow,
 )
 from testbench.records.results.recording_rows import (
@@ -252,8 +254,8 @@ class ChainRow:
         uncertainty_deg: RMS of the standard uncertainty stated.
         normalised_error: RMS of error over uncertainty, 1 where it is honest.
         covered_percent: Errors within 1.96 of it.
-        expanded_uncertainty_deg: Of the truth (k = 2), for the signed mean; None where not known.
-        expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for magnitudes; None where not
+        expanded_uncertainty_deg: Of the truth (95 %), for the signed mean; None where not known.
+        expanded_uncertainty_magnitude_deg: Of the truth (95 %), for magnitudes; None where not
             known.
     """
 
@@ -295,14 +297,18 @@ class Metric:
         filter: That it belongs to, or None.
         sequence: Label of the joint's definition that it belongs to, or None.
         section: That it belongs to, or None.
-        expanded_uncertainty: Of the truth it was held against (k = 2), in the metric's unit; None
-            where it is not known.
+        expanded_uncertainty: Of the truth it was held against, or of the delay or time itself
+            (95 %), in the metric's unit; None where it is not known.
         ci95: 95 % confidence interval for this session repeated on the same part, mounted and
             switched on as it was, or None.
         no_uncertainty: What its budget lacks, in words, so that no uncertainty is stated and it
             cannot pass; None where the uncertainty is stated, or a metric of this kind has none.
         no_interval: Why there is no confidence interval, in words; None where there is one, or a
             metric of this kind has none.
+        sessions: How many equal sessions its limit names; 0 where it names none.
+        session_sd: Standard deviation between those, in the metric's unit; None for too few.
+        otherwise_percent: How often an equal session would come out otherwise [%]; None where that
+            is not known.
     """
 
     name: str
@@ -319,6 +325,9 @@ class Metric:
     ci95: Interval = None
     no_uncertainty: str | None = None
     no_interval: str | None = None
+    sessions: int = 0
+    session_sd: float | None = None
+    otherwise_percent: float | None = None
 
 
 @dataclass(frozen=True)
@@ -366,6 +375,11 @@ class ResultTables:
         found_cycles: Average cycles that were found in recordings without a plan.
         rests: How long each sensor rested.
         orientation_changes: How sensors lay in the last rest against the first.
+        repeated_sessions: Sessions of the same protocol that were looked at together, this one
+            first; none where nobody asked.
+        repeats: Metrics over these.
+        repeat_ranking: Places of the filters over these.
+        repeat_comparisons: Pairs of filters over these.
     """
 
     joint_angle: list[JointRow] = field(default_factory=list)
@@ -394,6 +408,10 @@ class ResultTables:
     found_cycles: list[FoundCycleRow] = field(default_factory=list)
     rests: list[RestRow] = field(default_factory=list)
     orientation_changes: list[OrientationChangeRow] = field(default_factory=list)
+    repeated_sessions: list[RepeatedSession] = field(default_factory=list)
+    repeats: list[RepeatedMetric] = field(default_factory=list)
+    repeat_ranking: list[RankRow] = field(default_factory=list)
+    repeat_comparisons: list[Comparison] = field(default_factory=list)
 
     @property
     def notes(self) -> list[str]:

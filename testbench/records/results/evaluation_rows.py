@@ -44,6 +44,7 @@ class ErrorSummary:
         convergence_s: Time from the end of a move until the error stays near its settled value:
             median over the poses; None where none settled.
         convergence_max_s: The longest of these times; None where no pose settled.
+        convergence_sd_s: Standard uncertainty of their median; None where none settled.
         unsettled: Poses in which the error did not settle.
     """
 
@@ -68,6 +69,7 @@ class ErrorSummary:
     latency_sd_ms: float | None = None
     convergence_s: float | None = None
     convergence_max_s: float | None = None
+    convergence_sd_s: float | None = None
     unsettled: int = 0
 
 
@@ -82,8 +84,8 @@ class JointSummary:
         section: Name of the section.
         motion: "static", "dynamic" or, of both, "all".
         errors: What they come to.
-        expanded_uncertainty_deg: Of the truth (k = 2), for the signed mean.
-        expanded_uncertainty_magnitude_deg: Of the truth (k = 2), for magnitudes and RMS.
+        expanded_uncertainty_deg: Of the truth (95 %), for the signed mean.
+        expanded_uncertainty_magnitude_deg: Of the truth (95 %), for magnitudes and RMS.
     """
 
     joint: str
@@ -240,6 +242,51 @@ class RankRow:
     worst_rank: int
     group: str
     no_difference: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class RepeatedSession:
+    """A session that counts among the repetitions of a protocol.
+
+    Attributes:
+        session: Its name.
+        part: What tells its sensors from those of another one: the seed that simulated parts were
+            drawn with, or the tags of devices; None where nothing does.
+        recorded: When, ISO 8601; None where nobody knows.
+    """
+
+    session: str
+    part: str | None
+    recorded: str | None
+
+
+@dataclass(frozen=True)
+class RepeatedMetric:
+    """A metric over several sessions of one protocol.
+
+    Attributes:
+        name: E.g. elbow.flexion_mean_abs_error_deg.
+        filter: That it belongs to, or None.
+        sequence: Label of the joint's definition that it belongs to, or None.
+        section: That it belongs to, or None.
+        unit: Of all values.
+        values: One a session, in the order of the sessions; None where it could not be measured.
+        mean: Over all sessions.
+        sd: From session to session.
+        mean_ci95: Where the mean over all sessions of this kind lies, 95 %.
+        another_95: Where one more session of this kind lies, 95 %.
+    """
+
+    name: str
+    filter: str | None
+    sequence: str | None
+    section: str | None
+    unit: str
+    values: list[float | None]
+    mean: Number
+    sd: Number
+    mean_ci95: Interval
+    another_95: Interval
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,10 @@ from typing import Literal
 from testbench.records.disk.json_record import Number
 
 Kind = Literal["A", "B"]
-COVERAGE_FACTOR = 2.0
-"""k of every expanded uncertainty; about 95 % for a normal distribution (JCGM 100:2008, 6.3.3)."""
+LEVEL = 0.95
+"""That every expanded uncertainty is stated for: k is Student's t for the effective degrees of
+freedom (JCGM 100:2008, G.4.1).
+"""
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,8 @@ class UncertaintySource:
             errors, which do not cancel: an upper bound.
         degrees_of_freedom: None for infinitely many.
         why: Where the value comes from, and why it counts or does not.
+        rests_on: What several lines have their value from, so that they are too small together or
+            not at all; "" for a line by itself.
     """
 
     source: str
@@ -46,6 +50,7 @@ class UncertaintySource:
     magnitude_deg: Number
     degrees_of_freedom: float | None
     why: str
+    rests_on: str = ""
 
 
 @dataclass(frozen=True)
@@ -63,10 +68,12 @@ class UncertaintyBudget:
         combined_magnitude_deg: Combined standard uncertainty of magnitudes.
         degrees_of_freedom: Effective, of the signed mean (Welch-Satterthwaite); None for infinitely
             many.
-        coverage_factor: k.
+        coverage_factor: k of the signed mean, for 95 %.
         expanded_deg: k times the combined uncertainty of the signed mean.
         expanded_magnitude_deg: k times the combined uncertainty of magnitudes.
-        notes: What is missing, and what was assumed.
+        notes: What is missing.
+        coverage_factor_magnitude: k of magnitudes, for 95 %; None where nothing is stated.
+        assumed: What was taken where nobody said.
     """
 
     owner: str
@@ -77,7 +84,9 @@ class UncertaintyBudget:
     combined_deg: float | None
     combined_magnitude_deg: float | None
     degrees_of_freedom: float | None
-    coverage_factor: Number
+    coverage_factor: float | None
     expanded_deg: float | None
     expanded_magnitude_deg: float | None
     notes: list[str] = field(default_factory=list)
+    coverage_factor_magnitude: float | None = None
+    assumed: list[str] = field(default_factory=list)

@@ -12,6 +12,24 @@ Side = Literal["right", "left"]
 KINDS: tuple[JointKind, ...] = get_args(JointKind)
 _SIDES: dict[str, Side] = {"right": "right", "r": "right", "left": "left", "l": "left"}
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
+_SEGMENTS = {
+    "pelvis": ("pelvis", "sacrum"),
+    "thigh": ("thigh", "femur"),
+    "shank": ("shank", "shin", "tibia"),
+    "foot": ("foot", "calcn"),
+    "upper arm": ("humerus",),
+    "forearm": ("forearm", "radius", "ulna"),
+    "hand": ("hand",),
+}
+"""Words for the segments of the limbs."""
+BETWEEN: dict[tuple[str, str], JointKind] = {
+    ("pelvis", "thigh"): "hip",
+    ("thigh", "shank"): "knee",
+    ("shank", "foot"): "ankle",
+    ("upper arm", "forearm"): "elbow",
+    ("forearm", "hand"): "wrist",
+}
+"""The joint between two segments, the one nearer to the trunk first."""
 FLEXION_AXIS = "Z"
 """In the axes of the ISB, z points to the right: flexion is about it (Wu et al. 2002, 2005)."""
 
@@ -36,6 +54,19 @@ def kind_of(name: str, definition: FlexionAngle | None = None) -> JointKind | No
             return rotation.grood_suntay
     words = words_of(name)
     return next((kind for kind in KINDS if kind in words), None)
+
+
+def segment_of(name: str) -> str | None:
+    """Which segment of a limb a sensor or segment is called after; None where none or several.
+
+    Args:
+        name: Such as RFemur or thigh_r.
+    """
+    words = set(words_of(name))
+    if {"upper", "arm"} <= words:
+        return "upper arm"
+    found = [segment for segment, own in _SEGMENTS.items() if words & set(own)]
+    return found[0] if len(found) == 1 else None
 
 
 def side_of(*names: str) -> Side | None:

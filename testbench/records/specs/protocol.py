@@ -317,13 +317,23 @@ class AcceptanceLimit(StrictModel):
         default=None, description="Section of the protocol; null: every section that is evaluated."
     )
     min: float | None = Field(
-        default=None, description="Smallest value that passes, in the metric's unit."
+        default=None,
+        allow_inf_nan=False,
+        description="Smallest value that passes, in the metric's unit.",
     )
     max: float | None = Field(
-        default=None, description="Largest value that passes, in the metric's unit."
+        default=None,
+        allow_inf_nan=False,
+        description="Largest value that passes, in the metric's unit.",
     )
     marginal_percent: float = Field(
         default=10.0, ge=0, lt=100, description="Values this near to the limit are marginal [%]."
+    )
+    repeatability: str | None = Field(
+        default=None,
+        description="Folder of evaluated sessions of the same protocol, whose scatter widens the "
+        "guard band; from the folder that this session lies in, which . is. null: the verdict is "
+        "on this session alone.",
     )
 
     @model_validator(mode="after")
@@ -361,6 +371,11 @@ class Environment(StrictModel):
         default=False,
         description="Draw an error of each simulated joint's zero by the robot file's uncertainty; "
         "encoders do not see it.",
+    )
+    link_errors: bool = Field(
+        default=False,
+        description="Draw errors of the simulated arm's twists, lengths and offsets by the robot "
+        "file's uncertainty; the kinematics that the truth is computed with do not know them.",
     )
 
 

@@ -106,8 +106,20 @@ class Uncertainty(StrictModel):
 
     joint_angle_deg: float | list[float] = Field(
         default=0.1,
-        description="Of each joint's angle, by the calibration of the kinematics: one number, or "
-        "one for each joint [deg].",
+        description="Of each joint's angle (the theta of Denavit & Hartenberg), by the calibration "
+        "of the kinematics: one number, or one for each joint [deg].",
+    )
+    link_twist_deg: float = Field(
+        default=0.12,
+        ge=0,
+        description="Of each joint's axis against the one before it: the twist alpha, and of "
+        "parallel axes the tilt across as well [deg].",
+    )
+    link_length_mm: float = Field(
+        default=0.2, ge=0, description="Of each link's length a [mm]; it moves, and turns nothing."
+    )
+    link_offset_mm: float = Field(
+        default=0.2, ge=0, description="Of each link's offset d [mm]; it moves, and turns nothing."
     )
     mounting_deg: float = Field(
         default=0.5,
@@ -124,8 +136,7 @@ class Uncertainty(StrictModel):
         default=25.0,
         gt=0,
         le=100,
-        description="Relative uncertainty of these three numbers; decides their degrees of "
-        "freedom.",
+        description="Relative uncertainty of these numbers; decides their degrees of freedom.",
     )
     why: str = Field(
         default="Assumed for an arm with nominal kinematics and sensors fixed by hand; see "
@@ -146,7 +157,7 @@ class Uncertainty(StrictModel):
 
     @property
     def degrees_of_freedom(self) -> float:
-        """Of the three numbers above (JCGM 100:2008, eq. G.3)."""
+        """Of each of the numbers above (JCGM 100:2008, eq. G.3)."""
         return 0.5 / (self.reliability_percent / 100) ** 2
 
 

@@ -337,6 +337,56 @@ def box_plots(
     return {"data": data, "layout": layout}
 
 
+def scatter_rows(
+    rows: Mapping[str, tuple[Sequence[float], Sequence[float], Sequence[float]]],
+    colours: Mapping[str, str],
+    x_title: str,
+) -> Figure:
+    """Values of each name in a row of its own, with two intervals below them.
+
+    Args:
+        rows: By name, the uppermost first: the values, the ends of a narrow interval, drawn thick,
+            and those of a wide one, drawn thin.
+        colours: By name.
+        x_title: Of the axis of values.
+    """
+    data: list[Figure] = []
+    for name, (values, narrow, wide) in rows.items():
+        for ends, width in ((wide, 2), (narrow, 8)):
+            data.append(
+                {
+                    "type": "scatter",
+                    "mode": "lines",
+                    "x": _rounded(ends),
+                    "y": [_text(name)] * 2,
+                    "line": {"color": translucent(colours[name], 0.45), "width": width},
+                    "showlegend": False,
+                    "hovertemplate": "%{x:.3f}",
+                    "name": _text(name),
+                }
+            )
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "name": _text(name),
+                "x": _rounded(values),
+                "y": [_text(name)] * len(values),
+                "marker": {"size": 8, "symbol": "circle-open", "color": colours[name]},
+                "showlegend": False,
+                "hovertemplate": "%{x:.3f}",
+            }
+        )
+    layout = _layout(110 + 30 * len(rows))
+    layout["xaxis"] = _axis(x_title)
+    layout["yaxis"] = _axis("") | {
+        "type": "category",
+        "categoryorder": "array",
+        "categoryarray": _reversed(rows),
+    }
+    return {"data": data, "layout": layout}
+
+
 def _reversed(names: Iterable[str]) -> list[str]:
     """From the bottom to the top."""
     return [_text(name) for name in names][::-1]

@@ -304,7 +304,7 @@ def _errors(rows: list[ChainRow]) -> Table:
         ),
         body,
         "How to read: the mean is signed and hides what it averages; bold is the lower RMS. ± U is "
-        "how far the arm's own angle may be off (k = 2). Uncertainty is what the filter states "
+        "how far the arm's own angle may be off (95 %). Uncertainty is what the filter states "
         "(RMS of the standard uncertainty), covered the part of the errors within 1.96 of it: 95 "
         "is honest.",
     )

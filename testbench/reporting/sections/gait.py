@@ -25,6 +25,8 @@ from testbench.reporting.sections.findings import finding_sentences
 
 WORDS = {
     "stride_time_s": ("stride time [s]", 3),
+    "step_time_s": ("step time [s]", 3),
+    "double_support_s": ("double support [s]", 3),
     "swing_s": ("swing time [s]", 3),
     "length_m": ("stride length [m]", 3),
     "speed_m_s": ("speed [m/s]", 3),

@@ -251,7 +251,7 @@ def _stated(evaluation: Evaluation) -> str:
     ]
     if not said:
         return "How far the truth itself may be off is not known, so no U is given."
-    return f"The truth itself may be off (U of the total, k = 2) by up to: {', '.join(said)}."
+    return f"The truth itself may be off (U of the total, 95 %) by up to: {', '.join(said)}."
 
 
 def _sweeps(sweeps: list[OrientationSweepRow]) -> Table:

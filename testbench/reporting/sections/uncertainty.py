@@ -55,7 +55,8 @@ def _overview(budgets: list[UncertaintyBudget]) -> Table:
     rows = []
     for b in budgets:
         largest = max(b.sources, key=lambda source: source.magnitude_deg, default=None)
-        said = "; ".join(b.notes) if b.notes else (largest.source if largest is not None else None)
+        told = [largest.source] if b.complete and largest is not None else []
+        said = "; ".join([*told, *b.notes, *b.assumed]) or None
         rows.append(
             Row(
                 [
@@ -86,12 +87,12 @@ def _overview(budgets: list[UncertaintyBudget]) -> Table:
             Cell("largest source, or what is missing"),
         ],
         rows,
-        "How to read: the true mean error lies within the reported one ± U (k = 2, about 95 %). U "
+        "How to read: the true mean error lies within the reported one ± U (95 %). U "
         "of magnitudes, an upper bound, goes with mean magnitudes, RMS and percentiles, in which "
         "errors of the truth do not cancel over poses. A dash: something of the truth is not "
         "known, so no U can be given; the last column says what. U does not hold the scatter of "
-        "this session: the confidence intervals in square brackets do. With few degrees of freedom "
-        "k = 2 covers less: 92 % with 8.",
+        "this session: the confidence intervals in square brackets do. The fewer degrees of "
+        "freedom, the greater k: 1.96 with many, 2.31 with 8 (Student's t; JCGM 100:2008, G.4).",
     )
 
 
@@ -123,8 +124,9 @@ def _budget(b: UncertaintyBudget) -> Table:
                     significant(b.combined_magnitude_deg, 2),
                     _freedom(b),
                     text(
-                        f"k = {b.coverage_factor:g}: U = {digits(b.expanded_deg, 3)} deg, of "
-                        f"magnitudes {digits(b.expanded_magnitude_deg, 3)} deg",
+                        f"k = {digits(b.coverage_factor, 2)}: U = {digits(b.expanded_deg, 3)} deg; "
+                        f"of magnitudes k = {digits(b.coverage_factor_magnitude, 2)}: "
+                        f"{digits(b.expanded_magnitude_deg, 3)} deg",
                         kind="wide",
                     ),
                 ]

@@ -44,7 +44,8 @@ def verdict_section(evaluation: Evaluation | None, walked: bool = False) -> Sect
                 "Metrics with limits",
                 judged,
                 "How to read: pass keeps the limit even if the truth is off by U (its expanded "
-                "uncertainty, k = 2); fail breaks it even then; marginal lies between, or keeps it "
+                "uncertainty, 95 %: at the edge of a pass the truth breaks the limit once in 40, "
+                "JCGM 106:2012, 8.3); fail breaks it even then; marginal lies between, or keeps it "
                 "with less to spare than the protocol wants, or keeps it while U cannot be stated, "
                 "and then its meaning says why; not measured could not be taken. The worst of them "
                 "is the verdict on the sensors. It says nothing about the bench. The 95 % "
@@ -88,6 +89,7 @@ def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True)
             ]
         lacking = f" (no U: {metric.no_uncertainty})" if metric.no_uncertainty else ""
         lacking += f" (95 % CI: {metric.no_interval})" if metric.no_interval else ""
+        lacking += _among_equals(metric)
         rows.append(Row([*cells, text(metric.meaning + lacking, kind="wide")]))
     titles = ["metric", "filter", "sequence", "section"]
     columns = [
@@ -98,6 +100,19 @@ def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True)
     ]
     columns += [Cell("limit"), Cell("outcome")] if limits else []
     return Table(caption, [*columns, Cell("meaning")], rows, how, folded=not limits)
+
+
+def _among_equals(metric: Metric) -> str:
+    """What equal sessions say of a verdict."""
+    if metric.session_sd is None:
+        return ""
+    said = (
+        f" (of {metric.sessions} equal sessions the standard deviation is "
+        f"{digits(metric.session_sd, 2)} {metric.unit}, which is in the guard band"
+    )
+    if metric.otherwise_percent is not None:
+        said += f"; a further one would come out otherwise in {metric.otherwise_percent:.0f} %"
+    return f"{said})"
 
 
 def _interval(metric: Metric) -> Cell:

@@ -69,6 +69,15 @@ TEMPLATES = {
         "two angles were exchanged, or the truth is of another definition",
         "exchange them with --truth-angle, or in `truth_angles` of the mapping",
     ),
+    "truth.of_another_joint": Template(
+        WARNING,
+        "its true flexion moves as that of joint '{other}' (correlation of the rates "
+        "{correlation:.2f}, with its own {own_correlation:.2f})",
+        "the columns of two joints were exchanged, or a truth is given to the wrong joint; nothing "
+        "of it is judged",
+        "--truth-angle JOINT.ANGLE=COLUMN (`truth_angles` of the mapping) says which column is "
+        "whose; --joint NAME=PROXIMAL:DISTAL, which sensors are",
+    ),
     "clock.truth_unit": Template(
         WARNING,
         "the truth's times fit its motion when multiplied by {factor:g}",
@@ -169,6 +178,14 @@ TEMPLATES = {
         "the reference took one body for another or filled in what it did not see, or samples were "
         "lost or repeated, or a clock jumped; {lost_s:.1f} s of it that do not fit the rest were "
         "left out",
+    ),
+    "truth.parts": Template(
+        WARNING,
+        "from {begin_s:.1f} s to {end_s:.1f} s truth and gyroscope part by {angle_deg:.0f} deg, "
+        "while they turn alike elsewhere",
+        "a body slipped under its markers, the reference drifted, or the gyroscope was clipped or "
+        "disturbed: what is judged from there on holds it, and nobody knows of which",
+        "leave the stretch out by the key exclude of the mapping, or cut the file there",
     ),
     "truth.aligned_apart": Template(
         WARNING,

@@ -104,6 +104,21 @@ TEMPLATES = {
         "its angles are zero while the person is said to stand, from {begin_s:.2f} to {end_s:.2f} "
         "s, to {sd_deg:g} deg about each axis of each segment",
     ),
+    "joint.standing_moves": Template(
+        WARNING,
+        "its sensors turn by {sway_deg:.0f} deg RMS about their mean while the person is said to "
+        "stand",
+        "its angles are zero in the mean of that, which is no pose",
+        "--standing FROM:TO (alignment.standing_s) of a time at which nobody moves",
+    ),
+    "joint.axes_unstated": Template(
+        WARNING,
+        "nothing states the axes of the segments of {sensors} in their sensors",
+        "the sensors' own axes are taken for them, x forward, y up, z right, and angles are those "
+        "between the sensors",
+        "`segments: {{SENSOR: {{name: ..., rotation_deg: ...}}}}` of the mapping, or --place-by "
+        "standing",
+    ),
     "joint.facing": Template(
         NOTE,
         "{filter}: which way the body faces: by {by}; headings between its sensors: by {relative}",
@@ -130,6 +145,25 @@ TEMPLATES = {
         "or their clocks run apart",
         "its angles are not to be believed",
         "look which sensors the joint names, and whether their times agree",
+    ),
+    "joint.sensors_exchanged": Template(
+        WARNING,
+        "{filter}: {proximal} is said to be nearer to the trunk, and hangs {below_cm:.0f} cm below "
+        "{distal} while standing, by how the centre of the joint moves (standard uncertainty "
+        "{sd_cm:.0f} cm)",
+        "the two sensors were exchanged, or the pose is not upright; its angles are not to be "
+        "believed: signs and axes are those of the other segment",
+        "--joint NAME={distal}:{proximal}, or the proximal one first in `joints` of the mapping; "
+        "--standing FROM:TO, if the person stands at another time",
+    ),
+    "joint.beyond_anatomy": Template(
+        WARNING,
+        "{filter}: its flexion goes from {low_deg:.0f} to {high_deg:.0f} deg, and a {kind} goes "
+        "from {least_deg:g} to {most_deg:g} deg at most",
+        "it counts the other way or from another pose, or its sensors are not on the two segments "
+        "beside it, or one of them slipped",
+        "look which way forwards is said to be (--forward), when the person stands (--standing), "
+        "and which sensors the joint names (--joint)",
     ),
     "joint.hinge_found": Template(
         NOTE,

@@ -9,14 +9,30 @@ TEMPLATES = {
     "plan.reference": Template(WARNING, "{text}"),
     "run.incomplete": Template(WARNING, "{how}: {message}"),
     "run.resumed": Template(NOTE, "this session {goes_on}"),
+    "repeats.left_out": Template(
+        NOTE,
+        "the session {session} does not count among the repetitions: {why}",
+    ),
+    "repeats.one_part": Template(
+        NOTE,
+        "all repetitions are of one part ({part})",
+        "their scatter does not hold what another part would change",
+    ),
     "judged.no_step": Template(
         WARNING, "no step of the protocol was finished, so there is nothing to judge"
     ),
     "judged.unmeasured": Template(WARNING, "{metric} by {filter} has a limit but was not measured"),
     "judged.no_uncertainty": Template(
         WARNING,
-        "{metric} by {filter}{section} is marginal and cannot pass, for the uncertainty of the "
-        "truth is not known: {why}",
+        "{metric} by {filter}{section} is marginal and cannot pass, for its uncertainty is not "
+        "known: {why}",
+    ),
+    "judged.delay_unstated": Template(
+        NOTE,
+        "nobody states how much older than its stamp a rate is; half an interval is taken",
+        "its clock, fitted to the rates, may be off by {half_ms:.3g} ms; every U and the "
+        "uncertainty of every delay hold that",
+        "state the delay with its low pass: `gyr_delay_ms` of a sensor in a mapping",
     ),
     "judged.filter_left_out": Template(NOTE, "{filter} was left out: {why}"),
     "judged.samples_left_out": Template(WARNING, "{count} samples left out: {reason}"),
@@ -66,6 +82,21 @@ TEMPLATES = {
         "the truth of its {angle} runs against the estimate (correlation {correlation:.2f})",
         "one of the two counts the other way, and the errors are those of the truth as it was read",
         "a minus before its column turns it: --truth-angle JOINT.ANGLE=-COLUMN",
+    ),
+    "truth.angle_unlike": Template(
+        WARNING,
+        "the truth of its {angle} hardly goes with the estimate (correlation {correlation:.2f} "
+        "where both are aligned)",
+        "it may be the angle of another joint, side or trial, or a sensor slipped; the errors are "
+        "those of the truth as it was read",
+        "--truth-angle JOINT.ANGLE=COLUMN says which column it is; --truth-offset, which time",
+    ),
+    "truth.angle_held": Template(
+        WARNING,
+        "the truth of its {angle} stays at {at_deg:.1f} deg, up to {longest_s:.2f} s at once, "
+        "while the estimate moves by up to {moved_deg:.1f} deg",
+        "it is at the end of its range, was lost and held, or was cut off; {count} of {samples} "
+        "samples are not judged there",
     ),
     "truth.angle_offset": Template(
         NOTE,

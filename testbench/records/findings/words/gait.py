@@ -94,6 +94,25 @@ TEMPLATES = {
         "it is hardly a walk by a sensor on a foot",
         "if it sits elsewhere, say where with --on SENSOR=shank, wrist or chest",
     ),
+    "gait.no_common_clock": Template(
+        WARNING,
+        "both feet carry sensors, whose clocks are not known to be one",
+        "the time of a step goes from one foot to the other, and none is given",
+        "record both on one clock, or import files whose times share one (Unix time)",
+    ),
+    "gait.not_alternating": Template(
+        WARNING,
+        "only {share_percent:.0f} % of the contacts come after one of the other foot",
+        "the feet of a walk alternate: strides were missed, or the clocks are not one; no time of "
+        "a step is given",
+    ),
+    "gait.idle": Template(
+        WARNING,
+        "{option} has no effect on it",
+        "a sensor on a {place} goes by strapdown navigation, which takes neither a mounting nor a "
+        "filter",
+        "leave it out, or name the --parameters of the regression to go by that",
+    ),
     "gait.derived": Template(
         NOTE,
         "it has no angular rates",

@@ -54,6 +54,33 @@ TEMPLATES = {
         "",
         "end its name in _r or _l",
     ),
+    "structure.copies": Template(
+        WARNING,
+        "{first} and {second} hold the same, byte for byte",
+        "one is a copy of the other under another name, and two sensors read the same",
+        "look whether the right file was copied; leave one of them out",
+    ),
+    "structure.joint_turned": Template(
+        WARNING,
+        "a {kind} has {distal} nearer to the trunk by the names of its sensors, and {proximal} is "
+        "named first",
+        "two sensors that are exchanged turn signs and axes of the angles",
+        "--joint NAME={distal}:{proximal}; other names, if these mislead",
+    ),
+    "structure.joint_elsewhere": Template(
+        WARNING,
+        "a {kind} is between {segments}, and its sensors are called {proximal} and {distal}",
+        "the angles of another joint look like those of this one, and the motion may not show it",
+        "--joint NAME=PROXIMAL:DISTAL names the two sensors beside it; other names, if these "
+        "mislead",
+    ),
+    "structure.joint_of_both_sides": Template(
+        WARNING,
+        "joint and sensors are called after both sides of the body: {names}",
+        "a joint is between two segments of one side",
+        "--joint NAME=PROXIMAL:DISTAL names the two sensors beside it; other names, if these "
+        "mislead",
+    ),
     "structure.truth_in_rows": Template(
         NOTE,
         "its truth stands in the rows of its samples",

@@ -71,6 +71,13 @@ TEMPLATES = {
         "--truth-angle JOINT.ANGLE=COLUMN and --joint NAME=PROXIMAL:DISTAL say which belong "
         "together; other names, if these mislead",
     ),
+    "truth.named_otherwise": Template(
+        WARNING,
+        "the column {column} is called after the {called}, and is given to the {kind}",
+        "joints of one gait move in one rhythm, so that the motion may not show an exchange",
+        "--truth-angle JOINT.ANGLE=COLUMN says which column is whose; another name of the joint or "
+        "the column, if this one misleads",
+    ),
     "truth.angles_lost": Template(
         WARNING,
         "{lost} of {rows} rows of the truth are empty, and known rows are up to {longest_s:.2f} s "

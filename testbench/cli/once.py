@@ -1,0 +1,47 @@
+"""Options that hold one value are given once: of two, the one that does not count says nothing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import typer
+from typer.core import TyperCommand
+
+
+class OnceCommand(TyperCommand):
+    """A command that refuses an option of one value that is given twice."""
+
+    def make_parser(self, ctx: Any) -> Any:
+        """The parser, which counts how often each option was given."""
+        parser = super().make_parser(ctx)
+        parse = parser.parse_args
+
+        def counted(args: list[str]) -> Any:
+            found = parse(args=args)
+            given = Counter(id(own) for own in found[2])
+            for own in found[2]:
+                single = not (own.multiple or getattr(own, "is_flag", False))
+                if own.param_type_name == "option" and single and given[id(own)] > 1:
+                    ctx.fail(f"{own.opts[0]} is given {_times(given[id(own)])}; say which holds")
+            return found
+
+        parser.parse_args = counted  # type: ignore[method-assign]
+        return parser
+
+
+def _times(count: int) -> str:
+    return "twice" if count == 2 else f"{count} times"
+
+
+def options_once(app: typer.Typer) -> None:
+    """Let all commands of an application, and of those within it, take single options once.
+
+    Args:
+        app: With its commands.
+    """
+    for command in app.registered_commands:
+        command.cls = OnceCommand
+    for group in app.registered_groups:
+        if group.typer_instance is not None:
+            options_once(group.typer_instance)

@@ -1,0 +1,92 @@
+"""Further sessions of the same protocol, found in a folder and judged as this one was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from testbench.evaluation import evaluate
+from testbench.evaluation.repeatability import content_of, why_unequal
+from testbench.evaluation.repeats import with_repeats
+from testbench.exceptions import InputError
+from testbench.pipeline.kept_estimate import is_as_asked, stored_estimate
+from testbench.pipeline.loaded_analysis import LoadedAnalysis
+from testbench.records.findings.catalogue import finding
+from testbench.records.results.estimate import Estimate
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.results.evaluation_rows import RepeatedSession
+from testbench.records.session.session import Session, damaged_sessions, list_sessions
+
+
+def judged_with_repeats(
+    session: Session, estimated: Estimate, evaluated: Evaluation, loaded: LoadedAnalysis
+) -> Evaluation:
+    """An evaluation with the sessions beside it that the request names; as it is if it names none.
+
+    Nothing is written into the further sessions.
+
+    Args:
+        session: The recording.
+        estimated: Of it.
+        evaluated: Of that.
+        loaded: The request for both.
+
+    Raises:
+        InputError: The folder is none, or holds no further session of this kind; says of each what
+            is another.
+    """
+    if loaded.asked.repeats is None:
+        return evaluated
+    folder = Path(loaded.asked.repeats)
+    if not folder.is_dir():
+        raise InputError(f"--repeats {folder} is no folder")
+    left: dict[str, str] = dict.fromkeys(damaged_sessions(folder), "it is damaged")
+    taken: dict[str, Evaluation] = {}
+    records = [_record(session)]
+    known = {content_of(session): session.name}
+    for other in list_sessions(folder):
+        if other.path.resolve() == session.path.resolve():
+            continue
+        why = why_unequal(session, other, known)
+        own = None if why else _estimate(other, loaded)
+        if own is not None and own.filter_parameters != estimated.filter_parameters:
+            why = "its filters, or their parameters, are others; run `testbench estimate` on both"
+        if why or own is None:
+            left[other.name] = why or "nothing can be estimated of it"
+            continue
+        known[content_of(other)] = other.name
+        taken[other.name] = evaluate(other, own, loaded.settings(other))
+        records.append(_record(other))
+    if not taken:
+        told = "; ".join(f"{name}: {why}" for name, why in left.items())
+        raise InputError(
+            f"--repeats {folder} holds no further session of this protocol"
+            + (f" ({told})" if told else "")
+        )
+    found = with_repeats(evaluated, list(taken.values()), records)
+    for name, why in left.items():
+        found.findings.append(finding("repeats.left_out", session=name, why=why))
+    parts = {record.part for record in records}
+    part = parts.pop() if len(parts) == 1 else None
+    if part is not None:
+        found.findings.append(finding("repeats.one_part", part=part))
+    return found
+
+
+def _record(session: Session) -> RepeatedSession:
+    manifest = session.manifest
+    tags = [own.device_tag for own in manifest.sensors.values()]
+    part = None if None in tags or not tags else ", ".join(map(str, tags))
+    if manifest.seed is not None and session.simulated:
+        part = f"simulated, seed {manifest.seed}"
+    return RepeatedSession(session.name, part, manifest.recorded_utc or manifest.started_utc)
+
+
+def _estimate(other: Session, loaded: LoadedAnalysis) -> Estimate | None:
+    """Of a further session: the one it keeps if it is as asked for, else a new one."""
+    stored = stored_estimate(other)
+    if stored is not None and is_as_asked(stored, other, loaded):
+        return stored
+    try:
+        return loaded.estimate(other)
+    except InputError:
+        return None
