@@ -270,6 +270,22 @@ def test_times_that_begin_anew_or_stand_still_are_named_by_their_line(load, mot,
         load(file)
 
 
+def test_a_c3d_that_was_cut_off_is_refused(tmp_path, load):
+    pytest.importorskip("ezc3d")
+    file = angle_files.write_c3d(tmp_path / "walk.c3d", 100.0, {"RKneeAngles": ALL})
+    load(file)
+    file.write_bytes(file.read_bytes()[: file.stat().st_size * 2 // 3])
+    with pytest.raises(FileProblems, match=r"is cut off: its header says 600 frames, and it holds"):
+        load(file)
+
+
+def test_a_motion_file_with_fewer_rows_than_its_header_says_is_told(load, mot):
+    file = mot({"knee_angle_r": FLEXION})
+    assert "truth.rows_missing" not in codes(load(file))
+    file.write_text("".join(file.read_text().splitlines(keepends=True)[:400]))
+    assert "truth.rows_missing" in codes(load(file))
+
+
 def test_a_column_called_after_another_joint_is_named(load, mot):
     file = mot({"hip_flexion_r": FLEXION, "bend": FLEXION})
     session = load(file, angles={"knee_r.flexion": "hip_flexion_r"})

@@ -19,10 +19,12 @@ from testbench.estimation.chain.effect import PlacementEffect
 from testbench.estimation.chain.placement import Constants, moved
 from testbench.estimation.chain.run import ChainSamples, run_filter
 from testbench.estimation.chain.sensors import ChainSensors
-from testbench.estimation.chain.settings import FilterSettings
+from testbench.estimation.chain.settings import FilterSettings, SensorNoise
 
 STEPS, SETTLED = 15, 0.3
 """Runs at most; and a step below this part of what remains uncertain is the last [1]."""
+NEAR = 1.0
+"""The same of a step after which the process noise may be the most likely one [1]."""
 TUNED = 3
 """In so many runs, the first ones, the process noise is sought."""
 HELD = 0.5
@@ -123,6 +125,8 @@ def fit_placement(
     samples: ChainSamples,
     constants: Constants,
     tune: Callable[[ChainSensors, FilterSettings], FilterSettings],
+    looser: float = 1.0,
+    rigid: bool = True,
 ) -> PlacementFit:
     """Fit the placement to samples.
 
@@ -131,29 +135,97 @@ def fit_placement(
     though its sensors sit elsewhere, which a step of Gauss and Newton needs, and the last runs are
     those of the noise alone.
 
+    A regression on what the filter predicts is biased where innovations are not white: with too
+    much process noise the filter runs after its readings, with too little it lags, and what an
+    error of placement would do goes with either. So the last runs of a rigid chain, once it is
+    near, are by the most likely process noise, at which innovations are whitest. That takes every
+    innovation for news, which those of limbs are not; what is left uncertain is that of the looser
+    filter before. What a body's readings owe to skin and to axes that are not the model's is no
+    process noise, and the most likely one is no whiter there: persons are fitted by the looser one.
+
     Args:
         sensors: As stated.
         settings: Of the filter, which must hold for any motion (`harmonics` 0).
         samples: From a rest on.
         constants: Which to fit, with their prior.
-        tune: Gives settings their process noise, with sensors where they are.
+        tune: Gives settings their most likely process noise, with sensors where they are.
+        looser: Process noise of the first runs, and of the covariance, over the most likely one
+            [1].
+        rigid: Whether the sensors are on rigid links, and not on a body.
     """
-    values, placed = np.zeros(len(constants.sd)), sensors
-    step, settled = constants.sd, False
+    fit = _Fit(sensors, settings, samples, constants)
+    step, near = constants.sd, SETTLED if not rigid or looser == 1.0 else NEAR
     for number in range(STEPS):
         noise = blurred(settings.noise, samples, *_off(sensors, constants, step))
-        own = replace(settings, noise=noise)
+        own = replace(fit.settings, noise=noise)
         if number < TUNED:
-            own = tune(placed, own)
-            settings = replace(settings, process_noise=own.process_noise)
-        motion = run_filter(placed, own, samples, constants)
-        step, covariance = most_probable(motion.effect, constants, values)
-        values = values + step
-        placed = moved(sensors, constants, values)
-        settled = number > 0 and bool((np.abs(step) < SETTLED * np.sqrt(np.diag(covariance))).all())
-        if settled:
+            fit.settings = looser_than(tune(fit.placed, own), looser)
+        step, loose = fit.run(noise)
+        if number > 0 and _small(step, loose, near):
             break
-    return PlacementFit(replace(constants, covariance=covariance), values, placed, settled)
+    settled = _small(step, loose, near)
+    if near > SETTLED:
+        fit.settings = tune(fit.placed, replace(fit.settings, noise=settings.noise))
+        for _ in range(STEPS):
+            step, _ = fit.run(settings.noise)
+            settled = _small(step, loose, SETTLED)
+            if settled:
+                break
+    return PlacementFit(replace(constants, covariance=loose), fit.values, fit.placed, settled)
+
+
+class _Fit:
+    """A placement on its way to the most probable one.
+
+    Args:
+        sensors: As stated.
+        settings: Of the filter.
+        samples: From a rest on.
+        constants: Which are fitted.
+
+    Attributes:
+        settings: Of the filter, with the process noise of the next run.
+        values: Of the constants so far, shape (p,).
+        placed: The sensors by them.
+    """
+
+    def __init__(
+        self,
+        sensors: ChainSensors,
+        settings: FilterSettings,
+        samples: ChainSamples,
+        constants: Constants,
+    ):
+        self.settings, self.placed, self.values = settings, sensors, np.zeros(len(constants.sd))
+        self._sensors, self._samples, self._constants = sensors, samples, constants
+
+    def run(self, noise: list[SensorNoise]) -> tuple[np.ndarray, np.ndarray]:
+        """Take a step of Gauss and Newton, and give it, shape (p,), with the covariance.
+
+        Args:
+            noise: That the readings are taken to have.
+        """
+        settings = replace(self.settings, noise=noise)
+        motion = run_filter(self.placed, settings, self._samples, self._constants)
+        step, covariance = most_probable(motion.effect, self._constants, self.values)
+        self.values = self.values + step
+        self.placed = moved(self._sensors, self._constants, self.values)
+        return step, covariance
+
+
+def _small(step: np.ndarray, covariance: np.ndarray, part: float) -> bool:
+    """Whether a step, shape (p,), is below a part of what remains uncertain."""
+    return bool((np.abs(step) < part * np.sqrt(np.diag(covariance))).all())
+
+
+def looser_than(settings: FilterSettings, times: float) -> FilterSettings:
+    """With so many times the process noise.
+
+    Args:
+        settings: Of the filter.
+        times: By how much [1].
+    """
+    return replace(settings, process_noise=times * settings.process_noise)
 
 
 def _off(

@@ -18,7 +18,7 @@ from testbench.estimation.chain.placement_check import (
     doubted,
     placement_findings,
 )
-from testbench.estimation.chain.prefit import PlacementFit, fit_placement
+from testbench.estimation.chain.prefit import PlacementFit, fit_placement, looser_than
 from testbench.estimation.chain.readings import (
     LEAST_SAMPLES,
     calibrated,
@@ -49,9 +49,9 @@ from testbench.records.specs.protocol_chain import ASSUMED_SHEET, ChainEstimatio
 FITTED_S = 30.0
 """The placement is fitted to this much of a section's motion, from its beginning on [s]."""
 LOOSER = 2.0
-"""The placement is fitted with this times the most likely jerk [1]: limbs' jerk is not white, and
-innovations are then correlated. In gait, constants err by 1.3 to 2 times their standard deviations
-with the most likely one, and by 0.7 to 1.3 with twice that.
+"""What a fit of the placement leaves uncertain is by this times the most likely jerk [1]: limbs'
+jerk is not white, and innovations are then correlated. In gait, constants err by 1.3 to 2 times the
+standard deviations of the most likely one, and by 0.7 to 1.3 of those with twice that.
 """
 UNCERTAIN_DEG = 2.5
 """Angles of which the filter knows less than this are named: their errors may pass 5 deg [deg]."""
@@ -213,7 +213,7 @@ class _Section:
         if not stated:
             settings = self._sought(sensors, settings)
             if self.model is not None and state == "kinematic":
-                settings = looser(settings, OF_LIMBS)
+                settings = looser_than(settings, OF_LIMBS)
         run = run_smoother if wanted.smooth else run_filter
         motion = run(sensors, settings, self.samples, constants)
         check = check_placement(motion, constants, fit is None or fit.settled)
@@ -247,7 +247,9 @@ class _Section:
             self._settings("kinematic"),  # which holds for any motion
             self.samples.until(self.begins_s - self.samples.start + FITTED_S),
             constants,
-            lambda sensors, settings: looser(self._sought(sensors, settings), LOOSER),
+            self._sought,
+            LOOSER,
+            self.model is None,
         )
 
     def _sought(self, sensors: ChainSensors, settings: FilterSettings) -> FilterSettings:
@@ -346,8 +348,3 @@ def _uncertain(estimate: ChainEstimate) -> list[Finding]:
         return []
     where = f"chain, section {estimate.section}, {estimate.state}"
     return [finding("chain.uncertain", where, joints=joints, sd_deg=float(sd.max()))]
-
-
-def looser(settings: FilterSettings, times: float) -> FilterSettings:
-    """With more process noise than is most likely."""
-    return replace(settings, process_noise=times * settings.process_noise)

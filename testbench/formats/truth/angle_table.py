@@ -24,6 +24,7 @@ from testbench.formats.truth.number_rows import number_rows
 from testbench.formats.truth.reference import collect
 from testbench.formats.truth.times import truth_stamps
 from testbench.formats.truth.tracked import frame_times, tracked_times
+from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 
 AngleUnit = Literal["deg", "rad"]
@@ -157,7 +158,16 @@ def _coordinates(file: Path, rate: float | None) -> AngleTable:
     stated = header.get("indegrees", "").lower()
     unit: AngleUnit | None = {"yes": "deg", "no": "rad"}.get(stated)  # type: ignore[assignment]
     columns = {name: rows[:, i] for i, name in enumerate(names) if i}
-    return AngleTable(OPENSIM, times, columns, unit=unit, model=header.get("coordinates", ""))
+    model = header.get("coordinates", "")
+    findings = _fewer(file, header.get("nrows", header.get("datarows", "")), len(rows))
+    return AngleTable(OPENSIM, times, columns, unit=unit, model=model, findings=findings)
+
+
+def _fewer(file: Path, stated: str, rows: int) -> list[Finding]:
+    """Whether a table holds fewer rows than its header says."""
+    if not stated.isdigit() or int(stated) <= rows:
+        return []
+    return [finding("truth.rows_missing", file=file.name, stated=int(stated), rows=rows)]
 
 
 def _is_end(line: str) -> bool:

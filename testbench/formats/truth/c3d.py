@@ -23,6 +23,10 @@ from testbench.formats.truth.tracked import (
     points,
 )
 
+SGI, MOST_COUNTED = b"\x56", 65535
+"""Processor whose numbers begin with the high byte, and the number of a last frame that stands for
+any that is greater.
+"""
 PATIENCE_S = 6.0
 S_PER_BYTE = 1e-6
 """A file may take so long to be read, and so much longer by its size."""
@@ -139,4 +143,22 @@ def _content(file: Path) -> dict[str, np.ndarray]:
         raise _refusal(file, "holds no markers")
     if not SLOWEST_HZ <= rate <= FASTEST_HZ:
         raise _refusal(file, f"a rate of {rate:g} Hz cannot be")
+    stated = _stated_frames(file)
+    if len(values) < stated:
+        raise _refusal(
+            file, f"is cut off: its header says {stated} frames, and it holds {len(values)}"
+        )
     return content
+
+
+def _stated_frames(file: Path) -> int:
+    """How many frames the header says there are; 0 where it says nothing that can be counted on
+    (words 4 and 5, of 16 bits; The C3D File Format, section The header section).
+    """
+    with file.open("rb") as stream:
+        header = stream.read(512)
+        stream.seek(512 * (max(header[0], 1) - 1) + 3)
+        processor = stream.read(1)
+    order: Literal["little", "big"] = "big" if processor == SGI else "little"
+    first, last = (int.from_bytes(header[at : at + 2], order) for at in (6, 8))
+    return last - first + 1 if 0 < first <= last < MOST_COUNTED else 0

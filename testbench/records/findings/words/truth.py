@@ -78,6 +78,12 @@ TEMPLATES = {
         "--truth-angle JOINT.ANGLE=COLUMN says which column is whose; another name of the joint or "
         "the column, if this one misleads",
     ),
+    "truth.rows_missing": Template(
+        WARNING,
+        "the header of {file} says {stated} rows, and it holds {rows}",
+        "the file was cut off, or rows were taken out by hand",
+        "copy or export it again, or correct nRows",
+    ),
     "truth.angles_lost": Template(
         WARNING,
         "{lost} of {rows} rows of the truth are empty, and known rows are up to {longest_s:.2f} s "
