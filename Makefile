@@ -19,7 +19,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
-.PHONY: help setup run reproduce test check format bench long lock clean
+.PHONY: help setup run reproduce test check format bench long mutants lock clean
 
 help: ## Show what can be made
 	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | while IFS="$$(printf '\t')" read -r name text; do \
@@ -78,6 +78,9 @@ bench: setup ## Time the hot paths
 
 long: setup ## Ask by the hundred what the tests ask a few times; stopped, it goes on where it was
 	$(BIN)/python -m tests.benchmarks.long
+
+mutants: setup ## Put hundreds of plausible wrong numbers into copies of the program, and see which tests notice; goes on where it was
+	$(BIN)/python -m tests.benchmarks.mutants
 
 lock: setup ## Pin the newest allowed versions in requirements.lock
 	@printf '%s\n' \

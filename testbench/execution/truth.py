@@ -63,7 +63,8 @@ def write_truth(folder: Path, robot: Robot, sensors: Mapping[str, Sensor]) -> No
                 read_parquet_batches(recorded, wanted), BLOCK, smoothing.window
             ):
                 samples = ArmSamples.from_columns(columns, robot.joint_names)
-                truth = kinematic_truth(kinematics, samples, sensor, smoothing).to_columns()
+                begins = counted.start == 0
+                truth = kinematic_truth(kinematics, samples, sensor, smoothing, begins).to_columns()
                 yield to_table({key: values[counted] for key, values in truth.items()}, TRUTH_NOTES)
 
         pieces = batches()
@@ -87,7 +88,11 @@ def _count_and_interval(recorded: Path) -> tuple[int, float]:
 
 
 def kinematic_truth(
-    kinematics: Kinematics, samples: ArmSamples, sensor: Sensor, smoothing: Smoothing | None = None
+    kinematics: Kinematics,
+    samples: ArmSamples,
+    sensor: Sensor,
+    smoothing: Smoothing | None = None,
+    begins: bool = True,
 ) -> Truth:
     """What a sensor went through.
 
@@ -99,10 +104,13 @@ def kinematic_truth(
         samples: What it reported.
         sensor: Whose mounting on it is believed.
         smoothing: Of the whole, where this is a piece of it.
+        begins: Whether the recording begins with the first row. An arm stands at its start then,
+            unless it is already faster than it can have become since.
     """
-    acceleration = (smoothing or Smoothing.of(samples.host_time_ns)).acceleration(
-        samples.v_measured
-    )
+    smoothing = smoothing or Smoothing.of(samples.host_time_ns)
+    reached = kinematics.robot.acceleration_limits * smoothing.interval
+    rested = begins and bool((np.abs(samples.v_measured[:1]) <= reached).all())
+    acceleration = smoothing.acceleration(samples.v_measured, rested)
     offset = Pose.from_placement(sensor.mounting)
     motion = kinematics.frame_motion(
         sensor.link, samples.q_measured, samples.v_measured, acceleration, offset

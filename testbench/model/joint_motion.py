@@ -47,20 +47,24 @@ class Smoothing:
             min(max(2 * round(SMOOTHING_S / interval / 2) + 1, 5), n - 1 + n % 2), interval
         )
 
-    def acceleration(self, v_measured: np.ndarray) -> np.ndarray:
+    def acceleration(self, v_measured: np.ndarray, rested: bool = False) -> np.ndarray:
         """Joint accelerations of measured rates.
 
         Args:
             v_measured: Shape (n, n_joints) [rad/s].
+            rested: Whether the joints stood still before the first row. The window then reaches
+                back into that rest; else the first rows are of a polynomial that knows only what
+                follows, and are off where the arm starts at once.
 
         Returns:
             Shape (n, n_joints) [rad/s^2]; zeros where there are too few samples.
         """
         if self.window == 0:
             return np.zeros_like(v_measured)
-        return np.asarray(
-            savitzky_golay(v_measured, self.window, 3, derivative=1, interval=self.interval)
-        )
+        before = self.window // 2 if rested else 0
+        v = np.pad(v_measured, ((before, 0), (0, 0)))
+        found = savitzky_golay(v, self.window, 3, derivative=1, interval=self.interval)
+        return np.asarray(found[before:])
 
 
 def joint_acceleration(samples: ArmSamples) -> np.ndarray:

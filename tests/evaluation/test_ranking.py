@@ -154,3 +154,28 @@ def test_a_filter_that_drifts_all_the_time_does_not_take_the_ranking_from_the_ot
     )
     assert {row.filter for row in together} == set(names)
     assert [row.filter for row in together] == [row.filter for row in alone]
+
+
+def test_what_is_shown_is_shown_at_five_percent_of_the_whole_family():
+    signal = errors(0.0, 7)
+    doubtful = 0
+    for offset in np.linspace(0.02, 0.12, 60):
+        series = {
+            name: sample_series(np.abs(signal) + gain * offset + errors(0.0, 8 + gain))
+            for gain, name in enumerate(("one", "two", "three"))
+        }
+        rows, comparisons = rank_filters("elbow", None, None, MEAN_MAGNITUDE, series)
+        assert [c.p_holm for c in comparisons] == pytest.approx(holm([c.p for c in comparisons]))
+        letters = {row.filter: set(row.group) for row in rows}
+        for c in comparisons:
+            assert bool(letters[c.first] & letters[c.second]) == (c.p_holm >= 0.05)
+            doubtful += c.p < 0.05 <= c.p_holm < 0.10
+    assert doubtful > 2  # the level, and the family, decide
+
+
+def test_ranks_by_rms_do_not_part_what_differs_by_less_than_a_hundredth_of_a_degree():
+    signal = errors(3.0, 5)
+    for more, shown in ((0.005, False), (0.02, True)):
+        series = {"one": sample_series(signal), "two": sample_series(signal + more)}
+        _, comparisons = rank_filters("arm", None, None, MEAN_SQUARE, series)
+        assert (comparisons[0].p < 0.05) == shown

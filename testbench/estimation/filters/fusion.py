@@ -216,7 +216,10 @@ class Fusion(KernelFilter):
         ("magnetic_recovery_s", 2),
     )
     kernel, options = staticmethod(fusion), (False,)
-    behaviour = "Its gain is ramped down over the first 3 s."
+    behaviour = (
+        "Its gain is ramped down over the first 3 s, and its heading held at zero meanwhile: what "
+        "turns about the vertical before is lost."
+    )
 
 
 class Fusion9D(Fusion):
@@ -225,3 +228,4 @@ class Fusion9D(Fusion):
     name, needs = "fusion_9d", ("gyr", "acc", "mag")
     PARAMETERS = (*Fusion.PARAMETERS, MAG)
     kernel, options = staticmethod(fusion), (True,)
+    behaviour = "Its gain is ramped down over the first 3 s."

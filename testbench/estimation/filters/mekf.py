@@ -60,7 +60,12 @@ def correct(e: np.ndarray, cov: np.ndarray, v: np.ndarray, h: np.ndarray, var: f
 def predict(
     cov: np.ndarray, half: np.ndarray, turn: Three, h: float, noise: float, walk: float
 ) -> None:
-    """P <- F P F' + Q, with F = [[I - r x, -h I], [0, I]] for a turn r.
+    """P <- F P F' + Q, with F = [[A, -h B], [0, I]] for a turn r of size s.
+
+    A = I - (sin s / s) [r x] + (1 - cos s) / s^2 [r x]^2 is the turn itself (Crassidis & Junkins,
+    Optimal Estimation of Dynamic Systems, 2004, eq. 7.59); its first two terms alone would let the
+    covariance across r grow by s^2 a sample, and with it that of the heading, which nothing
+    measures, until corrections of the tilt turned the heading. B = I - [r x] / 2.
 
     Args:
         cov: P, shape (6, 6); updated.
@@ -71,16 +76,38 @@ def predict(
         walk: Random walk of its bias [rad/s^2/sqrt(Hz)].
     """
     rx, ry, rz = turn
+    square = rx * rx + ry * ry + rz * rz
+    size = np.sqrt(square)
+    sine = np.sin(size) / size if size > 1e-6 else 1.0
+    cosine = (1.0 - np.cos(size)) / square if size > 1e-6 else 0.5
+    diagonal = 1.0 - cosine * square
+    a00, a11, a22 = (
+        diagonal + cosine * rx * rx,
+        diagonal + cosine * ry * ry,
+        diagonal + cosine * rz * rz,
+    )
+    xy, xz, yz = cosine * rx * ry, cosine * rx * rz, cosine * ry * rz
+    a01, a10 = xy + sine * rz, xy - sine * rz
+    a02, a20 = xz - sine * ry, xz + sine * ry
+    a12, a21 = yz + sine * rx, yz - sine * rx
     for j in range(6):  # F P
-        half[0, j] = cov[0, j] + rz * cov[1, j] - ry * cov[2, j] - h * cov[3, j]
-        half[1, j] = cov[1, j] - rz * cov[0, j] + rx * cov[2, j] - h * cov[4, j]
-        half[2, j] = cov[2, j] + ry * cov[0, j] - rx * cov[1, j] - h * cov[5, j]
-        half[3, j], half[4, j], half[5, j] = cov[3, j], cov[4, j], cov[5, j]
+        b0, b1, b2 = cov[3, j], cov[4, j], cov[5, j]
+        half[0, j] = a00 * cov[0, j] + a01 * cov[1, j] + a02 * cov[2, j]
+        half[1, j] = a10 * cov[0, j] + a11 * cov[1, j] + a12 * cov[2, j]
+        half[2, j] = a20 * cov[0, j] + a21 * cov[1, j] + a22 * cov[2, j]
+        half[0, j] -= h * (b0 + 0.5 * (rz * b1 - ry * b2))
+        half[1, j] -= h * (b1 + 0.5 * (rx * b2 - rz * b0))
+        half[2, j] -= h * (b2 + 0.5 * (ry * b0 - rx * b1))
+        half[3, j], half[4, j], half[5, j] = b0, b1, b2
     for j in range(6):  # (F P) F'
-        cov[j, 0] = half[j, 0] + rz * half[j, 1] - ry * half[j, 2] - h * half[j, 3]
-        cov[j, 1] = half[j, 1] - rz * half[j, 0] + rx * half[j, 2] - h * half[j, 4]
-        cov[j, 2] = half[j, 2] + ry * half[j, 0] - rx * half[j, 1] - h * half[j, 5]
-        cov[j, 3], cov[j, 4], cov[j, 5] = half[j, 3], half[j, 4], half[j, 5]
+        b0, b1, b2 = half[j, 3], half[j, 4], half[j, 5]
+        cov[j, 0] = a00 * half[j, 0] + a01 * half[j, 1] + a02 * half[j, 2]
+        cov[j, 1] = a10 * half[j, 0] + a11 * half[j, 1] + a12 * half[j, 2]
+        cov[j, 2] = a20 * half[j, 0] + a21 * half[j, 1] + a22 * half[j, 2]
+        cov[j, 0] -= h * (b0 + 0.5 * (rz * b1 - ry * b2))
+        cov[j, 1] -= h * (b1 + 0.5 * (rx * b2 - rz * b0))
+        cov[j, 2] -= h * (b2 + 0.5 * (ry * b0 - rx * b1))
+        cov[j, 3], cov[j, 4], cov[j, 5] = b0, b1, b2
     for j in range(3):  # Q of white noise on rate and walk of the bias, Farrenkopf 1978
         cov[j, j] += noise * noise * h + walk * walk * h * h * h / 3.0
         cov[j, j + 3] -= 0.5 * walk * walk * h * h
@@ -161,7 +188,10 @@ def mekf(readings: Readings, p: np.ndarray, state: np.ndarray, use_mag: bool) ->
             for j in range(3):
                 v[j] = mag[i, j] / m
             correct(e, cov, v, h, p[5] * p[5])
-        # reset: the error goes into the quaternion and the bias, and is zero again
+        # reset: the error goes into the quaternion and the bias, and is zero again. The covariance
+        # keeps its axes in the earth, so that what gravity cannot show stays about the vertical
+        # (Barrau & Bonnabel, IEEE Trans. Automatic Control 62(4), 2017, sections III and V)
+        predict(cov, half, (e[0], e[1], e[2]), 0.0, 0.0, 0.0)
         state[1], state[2], state[3], state[4] = turned(w, x, y, z, e[0], e[1], e[2])
         state[5] += e[3]
         state[6] += e[4]
@@ -207,6 +237,17 @@ ACC = Parameter(
     20.0,
     least=1e-9,
 )
+LASTING = Parameter(
+    "acc_sd_m_s2",
+    20.0,
+    "m/s^2",
+    "standard deviation of force less gravity, in one sample: of motion it lasts for many, which "
+    "takes the place of a smaller one that would be forgotten at once",
+    "BROAD (Laidig et al. 2021): with 2, motion passes for a bias",
+    0.5,
+    200.0,
+    least=1e-9,
+)
 MAG = Parameter(
     "mag_sd",
     0.3,
@@ -223,7 +264,7 @@ class MekfImu(KernelFilter):
     """MEKF without magnetometer: arbitrary heading."""
 
     name, needs, source = "mekf_imu", ("gyr", "acc"), SOURCE
-    PARAMETERS = (GYR, WALK, BIAS, ACC, ACC_GATE)
+    PARAMETERS = (GYR, WALK, BIAS, LASTING, ACC_GATE)
     layout = (
         ("started", 1),
         ("q", 4),
@@ -234,7 +275,8 @@ class MekfImu(KernelFilter):
     )
     kernel, options = staticmethod(mekf), (False,)
     behaviour = (
-        "Finds the bias across the vertical only; about the vertical it keeps what it last knew."
+        "Finds the bias across the vertical only; about the vertical it keeps what it last knew, "
+        "and the heading that the gyroscope gives."
     )
 
 
