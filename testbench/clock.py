@@ -45,6 +45,11 @@ def utc_shown(moment: datetime) -> str:
     return f"{_in_utc(moment):%Y-%m-%d %H:%M:%S} UTC"
 
 
+def utc_day(text: str) -> str:
+    """The date, for people, of a moment as records keep it."""
+    return f"{_in_utc(datetime.fromisoformat(text)):%Y-%m-%d}"
+
+
 def _in_utc(moment: datetime) -> datetime:
     """A moment without a zone is taken for UTC."""
     return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)

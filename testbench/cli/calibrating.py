@@ -10,6 +10,7 @@ import typer
 
 from testbench.cli.options import JsonOption, SensorOption
 from testbench.cli.output import say, say_json, say_table
+from testbench.clock import utc_text
 
 if TYPE_CHECKING:
     from testbench.pipeline.calibrate import MadeCalibration
@@ -207,7 +208,7 @@ def calibrations(
             "file": str(c.file),
             "sensor": c.sensor,
             "device": c.device,
-            "calibrated_utc": c.calibrated.isoformat(),
+            "calibrated_utc": utc_text(c.calibrated),
             "methods": {triad: calibration.method for triad, calibration in c.triads.items()},
             "temperature_deg_c": c.temperature,
         }

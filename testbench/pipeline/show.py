@@ -8,6 +8,8 @@ from testbench.evaluation import evaluate
 from testbench.exceptions import InputError
 from testbench.pipeline.kept_estimate import load_or_estimate
 from testbench.pipeline.request import ViewRequest
+from testbench.records.results.evaluation import Evaluation
+from testbench.records.session.layout import EVALUATION_SUMMARY
 from testbench.records.session.session import Session
 
 
@@ -31,7 +33,8 @@ def show(session: Session, asked: ViewRequest | None = None) -> list[Path]:
         if target is not None and not target.parent.is_dir():
             raise InputError(f"{target} cannot be written: there is no folder {target.parent}")
     estimated = load_or_estimate(session)
-    evaluated = evaluate(session, estimated)
+    known = (session.path / EVALUATION_SUMMARY).is_file()  # a new estimate takes it away
+    evaluated = Evaluation.load(session.path) if known else evaluate(session, estimated)
     if save is not None:
         viewer.save_recording(session, save, estimated, evaluated)
     if screenshot is not None:

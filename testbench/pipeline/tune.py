@@ -23,7 +23,7 @@ from testbench.model.noise import random_stream
 from testbench.pipeline.loaded_analysis import sound_filters
 from testbench.pipeline.parameter_space import FAILED, Effort, Optimum, Point, Space, find_optimum
 from testbench.pipeline.request import TuneRequest
-from testbench.pipeline.watcher import Watcher
+from testbench.pipeline.watcher import Watcher, nothing
 from testbench.records.results.calibration_file import SensorCalibration, load_calibrations
 from testbench.records.results.tuning import (
     GridPoint,
@@ -234,7 +234,7 @@ def find_parameters(
         InputError: A recording stands in the lists twice, or the filter cannot run on one.
         SessionError: A session has no truth to judge by.
     """
-    tell, effort = say or _nothing, wanted.effort
+    tell, effort = say or nothing, wanted.effort
     compare = wanted.compare
     objective = Objective.parse(wanted.objective, compare is not None)
     space = Space.of(kind.PARAMETERS, wanted.names)
@@ -329,7 +329,3 @@ def _named(space: Space, point: Point) -> Parameters:
 
 def _finite(value: float) -> float | None:
     return value if np.isfinite(value) and value < FAILED else None
-
-
-def _nothing(text: str) -> None:
-    """Say nothing."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from testbench.pipeline.prepared import Prepared
 
 
-def _nothing(*_: object) -> None:
+def nothing(*_: object) -> None:
     """Take no notice."""
 
 
@@ -57,10 +57,10 @@ class Watcher:
     """
 
     clock: Clock = field(default_factory=SystemClock)
-    prepared: Callable[[Prepared], None] = _nothing
-    motion: Callable[[Prepared], None] = _nothing
+    prepared: Callable[[Prepared], None] = nothing
+    motion: Callable[[Prepared], None] = nothing
     progress: Callable[[Progress], None] | None = None
-    say: Callable[[str], None] = _nothing
-    notify: Callable[[str], None] = _nothing
+    say: Callable[[str], None] = nothing
+    notify: Callable[[str], None] = nothing
     keys: bool = False
     consent: Consent = Consent()

@@ -12,12 +12,8 @@ from testbench.pipeline.analyse import Result
 from testbench.pipeline.prepared import Prepared
 from testbench.pipeline.request import AnalysisRequest, Request, RunRequest
 from testbench.pipeline.run import run
-from testbench.pipeline.watcher import Watcher
+from testbench.pipeline.watcher import Watcher, nothing
 from testbench.records.session.plan import Plan
-
-
-def _nothing(text: str) -> None:
-    """Say nothing."""
 
 
 def _go_on(plan: Plan) -> None:
@@ -41,7 +37,7 @@ class StudyBench:
     clock: Clock
     seed: int = 0
     parts: int = 5
-    say: Callable[[str], None] = _nothing
+    say: Callable[[str], None] = nothing
     protocol: str | Path | None = None
 
     @property

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from testbench.exceptions import InputError
-from testbench.formats.exporters.source import WIDEST_GAP_NS
 from testbench.frames import NANOSECONDS
+from testbench.model.truth import WIDEST_GAP_NS
 
 
 def write_text(

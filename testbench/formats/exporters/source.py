@@ -16,6 +16,7 @@ from testbench.model import rotation
 from testbench.model.joint_angle import joint_angle_series
 from testbench.model.told_angles import told_angles
 from testbench.model.true_segment import true_segment
+from testbench.model.truth import WIDEST_GAP_NS
 from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.gait import Gait
@@ -26,11 +27,6 @@ from testbench.records.specs.joint_definition import FlexionAngle
 TRUTH = "truth"
 """In place of a filter's name: the orientation by the arm's kinematics, or by the reference system
 of an import.
-"""
-
-WIDEST_GAP_NS = 200_000_000
-"""Across a longer gap nothing is interpolated in tables; files that need a value at every instant
-say so in a note [ns].
 """
 
 

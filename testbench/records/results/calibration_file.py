@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 from pydantic import Field
 
+from testbench.clock import utc_text
 from testbench.exceptions import InputError
 from testbench.records.disk.replacing import stored_where_asked, write_text
 from testbench.records.disk.yaml_file import YamlDocument, load_yaml
@@ -235,7 +236,7 @@ class SensorCalibration:
         file = str(self.file) if self.file else None
         return {
             "file": file,
-            "calibrated_utc": self.calibrated.isoformat(),
+            "calibrated_utc": utc_text(self.calibrated),
             "session": self.session,
             "methods": methods,
         }
@@ -253,7 +254,7 @@ def save_calibration(file: Path, calibration: SensorCalibration) -> None:
         "schema_version": SCHEMA_VERSION,
         "sensor": calibration.sensor,
         "device": calibration.device,
-        "calibrated_utc": calibration.calibrated.isoformat(),
+        "calibrated_utc": utc_text(calibration.calibrated),
         "session": calibration.session,
         "fingerprint": calibration.fingerprint,
         "software": calibration.software,

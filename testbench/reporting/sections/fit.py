@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from testbench.clock import utc_day
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.results.estimate import Estimate
 from testbench.reporting.page.page import Section, Sentence
@@ -69,8 +70,8 @@ def _stored(estimate: Estimate) -> list[Sentence]:
             sentences.append(
                 Sentence(
                     f"{name}: the raw samples were first corrected by the stored calibration of "
-                    f"{stored['calibrated_utc'][:10]}, session {stored['session']} ({methods}), "
-                    f"from {stored.get('file') or 'memory'}."
+                    f"{utc_day(stored['calibrated_utc'])}, session {stored['session']} "
+                    f"({methods}), from {stored.get('file') or 'memory'}."
                 )
             )
     without = {

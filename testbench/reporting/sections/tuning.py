@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from testbench.clock import utc_day
 from testbench.records.results.estimate import Estimate
 from testbench.reporting.page.page import Sentence
 from testbench.reporting.page.tables import Cell, Row, Table, label, text
@@ -25,7 +26,9 @@ def parameter_table(estimate: Estimate) -> Table:
         where = TUNED_HERE if used.on_this_session else "not tuned on this session"
         badge = Cell(where, kind="badge marginal" if used.on_this_session else "")
         near = f" from {used.comparison}, no truth" if used.comparison else ""
-        found = f"{', '.join(used.tuned)} tuned for {used.objective}{near}, {used.tuned_utc[:10]}"
+        found = (
+            f"{', '.join(used.tuned)} tuned for {used.objective}{near}, {utc_day(used.tuned_utc)}"
+        )
         rows.append(
             Row(
                 [

@@ -112,7 +112,7 @@ def test_a_slow_array_has_times_of_its_own(tmp_path, motion, round_trip):
 @pytest.mark.parametrize("earth", ["ENU", "NED"])
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_quaternion_is_told_by_gravity(earth, direction, table, xyz, motion, round_trip):
-    from tests.formats.earth_frames import to_earth_frame
+    from testbench.model.earths import to_earth_frame
 
     m = motion(2400)
     q = to_earth_frame(m.q, earth) * [1, direction, direction, direction]

@@ -69,7 +69,7 @@ def test_faults_of_further_keys_are_named_with_their_place(plain, motion, load, 
 
 @pytest.mark.parametrize("earth", ["ENU", "NED", "NWU"])
 def test_the_earth_of_a_quaternion(plain, motion, load, xyz, earth):
-    from tests.formats.earth_frames import to_earth_frame
+    from testbench.model.earths import to_earth_frame
 
     m = motion(300)
     text = PLAIN + (f"    quaternion: {{columns: [qw, qx, qy, qz], order: wxyz, earth: {earth}}}\n")
