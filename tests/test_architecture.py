@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from testbench.estimation.filters import FILTERS, get_filter
 from tests.house import ROOT, comments, nodes, parsed
 
 PACKAGE = ROOT / "testbench"
@@ -343,3 +344,47 @@ def test_no_test_sleeps_on_the_machines_time_but_for_what_knows_no_other() -> No
         if isinstance(node, ast.Call) and ast.unparse(node.func) in {"time.sleep", "sleep"}
     }
     assert sleeping == set(SLEEPERS)
+
+
+TESTS_ALONE = {
+    "readinto": "asked for by the buffered reader of the standard library",
+    "replay_arm": "named in the catalogue of arms as module:function",
+    "ur_arm": "named in the catalogue of arms as module:function",
+    "xarm_arm": "named in the catalogue of arms as module:function",
+    "make_server": "named in the catalogue of emulated controllers as module:function",
+    "to_earth_frame": "for authors of filters, whom docs/filters.md tells of it",
+    "due_ns": "the virtual clock of the tests goes from one control period to the next by it",
+}
+"""Public names that nothing of the program spells, and why they stay."""
+
+
+def test_no_public_name_is_of_the_tests_alone(trees) -> None:
+    """Filters are found by their names, and so are their classes."""
+    used: set[str] = set()
+    for tree in trees.values():
+        for node in nodes(tree):
+            if isinstance(node, ast.Name):
+                used.add(node.id)
+            elif isinstance(node, ast.Attribute):
+                used.add(node.attr)
+            elif isinstance(node, ast.alias) and node.asname:
+                used.add(node.name)
+    known = used | {type(get_filter(name)).__name__ for name in FILTERS} | set(TESTS_ALONE)
+    lonely = [
+        f"{place(module, node)}: {node.name}"
+        for module, tree in trees.items()
+        for node in public(tree)
+        if node.name not in known
+    ]
+    assert lonely == []
+
+
+def public(tree: ast.Module) -> Iterator[ast.FunctionDef | ast.ClassDef]:
+    """Functions, classes and methods that others may call, but for what a decorator registers."""
+    for node in tree.body:
+        inner = node.body if isinstance(node, ast.ClassDef) else []
+        for own in (node, *inner):
+            if isinstance(own, ast.FunctionDef | ast.ClassDef) and not own.name.startswith("_"):
+                called = [d for d in own.decorator_list if isinstance(d, ast.Call)]
+                if not any("command" in ast.dump(d) or "valid" in ast.dump(d) for d in called):
+                    yield own

@@ -5,59 +5,13 @@ from __future__ import annotations
 import ast
 import io
 import tokenize
-from collections.abc import Iterator
 
 import pytest
 
-from testbench.estimation.filters import FILTERS, get_filter
 from tests import house
 
 PRODUCT = house.ROOT / "testbench"
 FILE = PRODUCT / "room" / "module.py"
-
-
-TESTS_ALONE = {
-    "readinto": "asked for by the buffered reader of the standard library",
-    "replay_arm": "named in the catalogue of arms as module:function",
-    "ur_arm": "named in the catalogue of arms as module:function",
-    "xarm_arm": "named in the catalogue of arms as module:function",
-    "make_server": "named in the catalogue of emulated controllers as module:function",
-    "to_earth_frame": "for authors of filters, whom docs/filters.md tells of it",
-    "due_ns": "the virtual clock of the tests goes from one control period to the next by it",
-}
-"""Public names that nothing of the program spells, and why they stay."""
-
-
-def test_no_public_name_is_of_the_tests_alone() -> None:
-    """Filters that are registered by their class are known by their base."""
-    trees = {file: ast.parse(file.read_text("utf-8")) for file in PRODUCT.rglob("*.py")}
-    used = set()
-    for node in (node for tree in trees.values() for node in ast.walk(tree)):
-        if isinstance(node, ast.Name):
-            used.add(node.id)
-        elif isinstance(node, ast.Attribute):
-            used.add(node.attr)
-        elif isinstance(node, ast.alias) and node.asname:
-            used.add(node.name)
-    registered = {type(kind).__name__ for kind in map(get_filter, FILTERS)}
-    lonely = [
-        f"{file.relative_to(PRODUCT)}: {name}"
-        for file, tree in trees.items()
-        for name in _public(tree)
-        if name not in used | registered | set(TESTS_ALONE)
-    ]
-    assert lonely == []
-
-
-def _public(tree: ast.Module) -> Iterator[str]:
-    """Functions, classes and methods that others may call, but for what a decorator registers."""
-    for node in tree.body:
-        inner = node.body if isinstance(node, ast.ClassDef) else []
-        for own in (node, *inner):
-            if isinstance(own, ast.FunctionDef | ast.ClassDef) and not own.name.startswith("_"):
-                called = [d for d in own.decorator_list if isinstance(d, ast.Call)]
-                if not any("command" in ast.dump(d) or "valid" in ast.dump(d) for d in called):
-                    yield own.name
 
 
 def test_no_room_breaks_a_rule() -> None:

@@ -50,49 +50,54 @@ def trials(data: Path) -> dict[str, Trial]:
 
 @njit
 def madgwick_of_the_report(gyr, acc, mag, interval, beta, q, part):
-    """The 2010 report with whole matrices; `part` of the earth's field is expected: 1 in the
+    """The 2010 report, its matrices R and J; `part` of the earth's field is expected: 1 in the
     report, 1/2 in its author's C.
 
     That C stores b where the report has 2 b (see github.com/dlaidig/broad, issue 1), and so expects
     half the field.
     """
+    # element by element: products of whole matrices take seconds to compile
     out = np.empty((len(gyr), 4))
     out[0] = q
+    R, J, f, step = np.zeros((3, 3)), np.zeros((6, 4)), np.zeros(6), np.zeros(4)
     for i in range(1, len(gyr)):
         a, m = acc[i] / np.sqrt(np.sum(acc[i] ** 2)), mag[i] / np.sqrt(np.sum(mag[i] ** 2))
-        q1, q2, q3, q4 = q
-        R = np.array(
-            [
-                [1 - 2 * (q3 * q3 + q4 * q4), 2 * (q2 * q3 - q1 * q4), 2 * (q2 * q4 + q1 * q3)],
-                [2 * (q2 * q3 + q1 * q4), 1 - 2 * (q2 * q2 + q4 * q4), 2 * (q3 * q4 - q1 * q2)],
-                [2 * (q2 * q4 - q1 * q3), 2 * (q3 * q4 + q1 * q2), 1 - 2 * (q2 * q2 + q3 * q3)],
-            ]
-        )
-        h = R @ m
-        bx, bz = part * np.sqrt(h[0] ** 2 + h[1] ** 2), part * h[2]
-        f = np.concatenate((R.T @ np.array([0.0, 0.0, 1.0]) - a, R.T @ np.array([bx, 0.0, bz]) - m))
-        J = np.array(
-            [
-                [-2 * q3, 2 * q4, -2 * q1, 2 * q2],
-                [2 * q2, 2 * q1, 2 * q4, 2 * q3],
-                [0.0, -4 * q2, -4 * q3, 0.0],
-                [-2 * bz * q3, 2 * bz * q4, -4 * bx * q3 - 2 * bz * q1, -4 * bx * q4 + 2 * bz * q2],
-                [
-                    -2 * bx * q4 + 2 * bz * q2,
-                    2 * bx * q3 + 2 * bz * q1,
-                    2 * bx * q2 + 2 * bz * q4,
-                    -2 * bx * q1 + 2 * bz * q3,
-                ],
-                [2 * bx * q3, 2 * bx * q4 - 4 * bz * q2, 2 * bx * q1 - 4 * bz * q3, 2 * bx * q2],
-            ]
-        )
-        step = J.T @ f
-        step /= np.sqrt(np.sum(step**2))
+        q1, q2, q3, q4 = q[0], q[1], q[2], q[3]
+        R[0, 0] = 1 - 2 * (q3 * q3 + q4 * q4)
+        R[0, 1] = 2 * (q2 * q3 - q1 * q4)
+        R[0, 2] = 2 * (q2 * q4 + q1 * q3)
+        R[1, 0] = 2 * (q2 * q3 + q1 * q4)
+        R[1, 1] = 1 - 2 * (q2 * q2 + q4 * q4)
+        R[1, 2] = 2 * (q3 * q4 - q1 * q2)
+        R[2, 0] = 2 * (q2 * q4 - q1 * q3)
+        R[2, 1] = 2 * (q3 * q4 + q1 * q2)
+        R[2, 2] = 1 - 2 * (q2 * q2 + q3 * q3)
+        hx, hy, hz = np.sum(R[0] * m), np.sum(R[1] * m), np.sum(R[2] * m)
+        bx, bz = part * np.sqrt(hx**2 + hy**2), part * hz
+        for k in range(3):
+            f[k] = R[2, k] - a[k]
+            f[3 + k] = R[0, k] * bx + R[2, k] * bz - m[k]
+        J[0, 0], J[0, 1], J[0, 2], J[0, 3] = -2 * q3, 2 * q4, -2 * q1, 2 * q2
+        J[1, 0], J[1, 1], J[1, 2], J[1, 3] = 2 * q2, 2 * q1, 2 * q4, 2 * q3
+        J[2, 1], J[2, 2] = -4 * q2, -4 * q3
+        J[3, 0], J[3, 1] = -2 * bz * q3, 2 * bz * q4
+        J[3, 2], J[3, 3] = -4 * bx * q3 - 2 * bz * q1, -4 * bx * q4 + 2 * bz * q2
+        J[4, 0], J[4, 1] = -2 * bx * q4 + 2 * bz * q2, 2 * bx * q3 + 2 * bz * q1
+        J[4, 2], J[4, 3] = 2 * bx * q2 + 2 * bz * q4, -2 * bx * q1 + 2 * bz * q3
+        J[5, 0], J[5, 1] = 2 * bx * q3, 2 * bx * q4 - 4 * bz * q2
+        J[5, 2], J[5, 3] = 2 * bx * q1 - 4 * bz * q3, 2 * bx * q2
+        for k in range(4):
+            step[k] = np.sum(J[:, k] * f)
+        length = np.sqrt(np.sum(step**2))
         wx, wy, wz = gyr[i]
-        omega = np.array(
-            [[0.0, -wx, -wy, -wz], [wx, 0.0, wz, -wy], [wy, -wz, 0.0, wx], [wz, wy, -wx, 0.0]]
+        q = np.array(
+            [
+                q1 + interval * (0.5 * (-wx * q2 - wy * q3 - wz * q4) - beta * step[0] / length),
+                q2 + interval * (0.5 * (wx * q1 + wz * q3 - wy * q4) - beta * step[1] / length),
+                q3 + interval * (0.5 * (wy * q1 - wz * q2 + wx * q4) - beta * step[2] / length),
+                q4 + interval * (0.5 * (wz * q1 + wy * q2 - wx * q3) - beta * step[3] / length),
+            ]
         )
-        q = q + interval * (0.5 * omega @ q - beta * step)
         q = q / np.sqrt(np.sum(q**2))
         out[i] = q
     return out
