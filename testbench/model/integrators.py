@@ -291,13 +291,13 @@ def step_quaternion(scheme: int, w: np.ndarray, h: float, work: np.ndarray, s: n
     if scheme == EULER:
         _derivative(s, w[0], work[0])
         for j in range(4):
-            s[j] += h * work[0, j]
+            s[j] += h * work[0, j]  # q' = q + h q (0, w) / 2
     elif scheme == HEUN:
         _derivative(s, w[0], work[0])
         for j in range(4):
             work[2, j] = s[j] + h * work[0, j]
         _derivative(work[2], w[1], work[1])
-        for j in range(4):
+        for j in range(4):  # the mean of the slopes at both ends
             s[j] += 0.5 * h * (work[0, j] + work[1, j])
     elif scheme == RK4:
         _derivative(s, w[0], work[0])
@@ -306,11 +306,11 @@ def step_quaternion(scheme: int, w: np.ndarray, h: float, work: np.ndarray, s: n
             for j in range(4):
                 work[4, j] = s[j] + fraction * h * work[i - 1, j]
             _derivative(work[4], w[2 if i == 3 else 1], work[i])
-        for j in range(4):
+        for j in range(4):  # weights 1/6, 1/3, 1/3, 1/6 of Kutta's classical scheme
             s[j] += h / 6.0 * (work[0, j] + 2.0 * work[1, j] + 2.0 * work[2, j] + work[3, j])
     elif scheme == CG4:
         for i in range(5):
-            b = CG4_B[i] * h
+            b = CG4_B[i] * h  # exp(b1 h w1) exp(b2 h w2) ...: rates that do not depend on q
             _exponential(b * w[i, 0], b * w[i, 1], b * w[i, 2], work[0])
             multiply_into(s, work[0], s)
     else:

@@ -90,6 +90,7 @@ def symmetric_root(Q: np.ndarray) -> np.ndarray:
     Args:
         Q: Shape (3, 3).
     """
+    # |S (m - h)|^2 = (m - h)' Q (m - h) with S = V sqrt(L) V', the only symmetric positive S
     values, vectors = np.linalg.eigh(Q)
     root = vectors * np.sqrt(values) @ vectors.T
     return root[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
