@@ -82,8 +82,8 @@ def reach(
         body[D, r] = R[r, 0] * offset[0] + R[r, 1] * offset[1] + R[r, 2] * offset[2]
     dx, dy, dz = body[D, 0], body[D, 1], body[D, 2]
     wx, wy, wz = body[W, 0], body[W, 1], body[W, 2]
-    # of a point fixed to the body at distance d: v = w x d, a = dw x d + w x (w x d), the outward
-    # recursion of Luh, Walker & Paul (J. Dyn. Sys. Meas. Control 102, 1980)
+    # of a point fixed to the body at distance d: v = w x d, a = dw x d + w x (w x d)
+    # (Featherstone 2008, ch. 4)
     cx = wy * dz - wz * dy
     cy = wz * dx - wx * dz
     cz = wx * dy - wy * dx
@@ -124,7 +124,7 @@ def turn(
         body[U, r] = S[r, 0] * axis[0] + S[r, 1] * axis[1] + S[r, 2] * axis[2]
     ux, uy, uz = body[U, 0], body[U, 1], body[U, 2]
     wx, wy, wz = body[W, 0], body[W, 1], body[W, 2]
-    # dw' = dw + u a + (w x u) v,  w' = w + u v (the same recursion, of a rotating joint)
+    # dw' = dw + u a + (w x u) v,  w' = w + u v (the same, of a rotating joint)
     body[DW, 0] += ux * a + (wy * uz - wz * uy) * v
     body[DW, 1] += uy * a + (wz * ux - wx * uz) * v
     body[DW, 2] += uz * a + (wx * uy - wy * ux) * v
