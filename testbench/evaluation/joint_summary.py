@@ -24,6 +24,11 @@ from testbench.records.results.uncertainty import UncertaintyBudget
 from testbench.records.session.plan import PlannedStep
 
 Judged = list[tuple[PlannedStep, np.ndarray]]
+SHORT_SWEEP_S = 30.0
+"""A section of one sweep that lasts less ranks nothing [s]: an offset that is there from its
+beginning to its end is in every error of it, and no scatter shows it
+(docs/uncertainty.md, Ranking).
+"""
 
 
 def summarise_joint(
@@ -89,7 +94,7 @@ def _section_ranking(
 ) -> tuple[list[RankRow], list[Comparison]]:
     """Of the filters in a section, by the flexion and by the total error."""
     when = _layout(errors, steps)
-    if when is None:
+    if when is None or _one_short_sweep(steps):
         return [], []
     flexion = {
         name: np.degrees(error)
@@ -112,6 +117,14 @@ def _section_ranking(
             ranks += ranked
             comparisons += compared
     return ranks, comparisons
+
+
+def _one_short_sweep(steps: Judged) -> bool:
+    """Whether a section is one sweep, too short to tell an offset from what filters differ by."""
+    if len(steps) != 1 or steps[0][0].kind != "sweep":
+        return False
+    only = steps[0][0]
+    return only.settled_ns - only.start_ns < SHORT_SWEEP_S * NANOSECONDS
 
 
 def by_motion(steps: Judged) -> dict[str, Judged]:

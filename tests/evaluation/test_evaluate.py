@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from testbench.evaluation import evaluate, ranking
+from testbench.evaluation import evaluate, joint_summary, ranking
 from testbench.evaluation.judged import SETTLING_NS, window
 from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE
 from testbench.exceptions import SessionError
@@ -338,6 +338,10 @@ def test_sections_of_seconds_are_not_ranked_and_say_why(quick):
 
 def test_filters_are_ranked_for_every_section_and_sensor(quick, monkeypatch):
     monkeypatch.setattr(ranking, "FEWEST_MEMORIES", 0.0)  # however few memories they hold
+    found = evaluate(quick.session, quick.estimate)
+    owners = {(row.owner, row.section) for row in found.ranking}
+    assert ("elbow", "sweep") not in owners  # one short sweep
+    monkeypatch.setattr(joint_summary, "SHORT_SWEEP_S", 0.0)
     found = evaluate(quick.session, quick.estimate)
     owners = {(row.owner, row.section) for row in found.ranking}
     assert owners == {("arm", None), ("forearm", None), ("elbow", "static"), ("elbow", "sweep")}

@@ -41,9 +41,16 @@ def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = Non
         several = {row.filter for row in evaluation.orientation} | {
             row.filter for row in evaluation.joint_angle
         }
+        judged = {
+            (row.step, row.kind)
+            for row in evaluation.joint_angle
+            if (row.joint, row.section) == (owner, section)
+        }
         reason = (
             "only one filter ran"
             if len(several) < 2
+            else "one short sweep does not tell an offset of the session from what they differ by"
+            if [kind for _, kind in judged] == ["sweep"]
             else "their errors may last too long for what was judged, so that nothing is known "
             "from this session"
         )
