@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.estimation.alignment.frame_alignment import fit_frames
+from testbench.estimation.alignment.frame_alignment import fit_frames, fit_frames_by_motion
 from testbench.model import rotation
 from testbench.model.frame_fit import apply_frames
 from testbench.records.results.estimate import FrameFit
@@ -96,3 +96,22 @@ def test_the_fit_averages_over_the_reference_pose():
     estimated = rotation.multiply(noise, seen_by_filter(true, 20.0, rotation.IDENTITY))
     fit = fit_frames(estimated * rng.choice([-1.0, 1.0], (4000, 1)), true[:7], "reference_pose")
     assert fit.heading_deg == pytest.approx(20, abs=4 / np.sqrt(4000))
+
+
+@pytest.mark.parametrize("drift_deg", [0.0, 8.0, 20.0])
+def test_a_world_whose_y_points_up_leans_however_the_truth_drifts(drift_deg):
+    true = poses(400)
+    part = np.clip((np.arange(400) - 150) / 50, 0, 1)[:, None]
+    drift = rotation.from_rotation_vector(np.radians(drift_deg) * part * [0.0, 0.0, 1.0])
+    y_up = rotation.from_rotation_vector(np.radians([[-90.0, 0.0, 0.0]]))
+    fit = fit_frames_by_motion(true, rotation.multiply(y_up, rotation.multiply(drift, true)), 100.0)
+    assert fit.leans
+    assert np.linalg.norm(fit.tilt_deg) == pytest.approx(90, abs=drift_deg / 2 + 0.1)
+
+
+def test_a_filter_that_is_wrong_by_as_much_does_not_make_a_world_lean():
+    rng = np.random.default_rng(3)
+    true = poses(400)
+    wrong = rotation.from_rotation_vector(rng.normal(0.0, 0.6, (400, 3)))
+    fit = fit_frames_by_motion(rotation.multiply(wrong, true), true, 100.0)
+    assert not fit.leans

@@ -181,7 +181,7 @@ def test_logs_that_began_long_apart_are_found(begins, seconds, drift):
     assert fit.method == "angular_rate"
     assert fit.offset_s == pytest.approx(offset, abs=5e-3)
     assert fit.drift_ppm == pytest.approx(1e6 * drift, abs=30)
-    assert fit.shift_s == pytest.approx(begins[1] - begins[0], abs=0.5)
+    assert fit.shift_s == pytest.approx(begins[1] - begins[0], abs=0.05)
 
 
 def test_logs_of_different_motions_are_refused():

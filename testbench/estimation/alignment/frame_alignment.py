@@ -24,6 +24,8 @@ on the whole of a motion [rad].
 """
 SURE_WITHIN = np.radians(5.0)
 """A filter that leaves more after alignment is too wrong to say that the world leans [rad]."""
+FAR_BEYOND = 5.0
+"""Unless the world leans by so many times as much: a truth that drifts leaves more, too."""
 HARDLY_DEG = 1.0
 """Standard uncertainty of a mounting above which little motion is remarked on [deg]."""
 
@@ -85,7 +87,8 @@ def fit_frames_by_motion(
             undetermined=solution.blind.tolist(),
             held_by="mounting",
         )
-    sure = solution.residual <= SURE_WITHIN
+    leaning = float(np.linalg.norm(tilt))
+    sure = solution.residual <= max(SURE_WITHIN, leaning / FAR_BEYOND)
     return FrameFit(
         float(np.degrees(heading)),
         _degrees(rotation.to_rotation_vector(solution.q_body_from_sensor)),

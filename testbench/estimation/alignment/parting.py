@@ -74,13 +74,11 @@ def parting_finding(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> l
     found = find_parting(samples, time_ns, truth)
     if found is None:
         return []
+    # told on the times of the samples as they were read, by which a person finds the stretch
+    ends = np.interp([found.begin_ns, found.end_ns], time_ns, samples.host_time_ns) / NANOSECONDS
+    angle_deg = float(np.degrees(found.angle))
     return [
-        finding(
-            "truth.parts",
-            angle_deg=float(np.degrees(found.angle)),
-            begin_s=found.begin_ns / NANOSECONDS,
-            end_s=found.end_ns / NANOSECONDS,
-        )
+        finding("truth.parts", angle_deg=angle_deg, begin_s=float(ends[0]), end_s=float(ends[1]))
     ]
 
 

@@ -34,6 +34,8 @@ class Readings:
         rests: Still intervals of at least `REST_S`, begin and end (exclusive), shape (k, 2).
         bias: Of the gyroscope, by the rests, else by its steadiest moments, shape (3,) [rad/s].
         derived: Whether the rates are those of the device's own orientation.
+        holes: How many holes without rows there were; these are the readings of the longest stretch
+            without one.
     """
 
     time: np.ndarray
@@ -42,6 +44,7 @@ class Readings:
     rests: np.ndarray
     bias: np.ndarray
     derived: bool = False
+    holes: int = 0
 
     @property
     def interval(self) -> float:
@@ -89,8 +92,37 @@ def readings_of(recording: SensorRecording, stored: SensorCalibration | None = N
     known[rows] = access.measured | clipped[rows]
     for begin, end in intervals_of(~known, max(round(HOLE_S / uniform.interval), 1)):
         uniform.acc[begin:end] = np.nan
+    stretch, holes = _longest_stretch(time)
+    uniform, static, time = _piece(uniform, stretch, time), static[stretch], time[stretch]
     rests = intervals_of(static, max(round(REST_S / uniform.interval), 1))
-    return Readings(time, _finite(uniform), clipped, rests, _bias(uniform, static, rests), derived)
+    bias = _bias(uniform, static, rests)
+    return Readings(time, _finite(uniform), clipped[stretch], rests, bias, derived, holes)
+
+
+def _longest_stretch(time: np.ndarray) -> tuple[slice, int]:
+    """The longest stretch whose rows follow one another, and the holes between stretches.
+
+    A file without a counter has no rows where it has none: on the grid such a hole is one step.
+
+    Args:
+        time: Of the rows of the grid, shape (n,) [s].
+    """
+    steps = np.diff(time)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    breaks = np.flatnonzero(steps > max(HOLE_S, 2.5 * usual)) + 1
+    ends = np.concatenate([[0], breaks, [len(time)]])
+    lasting = time[ends[1:] - 1] - time[ends[:-1]]
+    longest = int(np.argmax(lasting))
+    return slice(int(ends[longest]), int(ends[longest + 1])), len(breaks)
+
+
+def _piece(uniform: UniformSamples, rows: slice, time: np.ndarray) -> UniformSamples:
+    """Some rows of a grid; where they are not all, by their own interval."""
+    if rows == slice(0, len(uniform)):
+        return uniform
+    own = time[rows]
+    interval = float(own[-1] - own[0]) / max(len(own) - 1, 1)
+    return replace(uniform.piece(rows), interval=interval, intervals=None)
 
 
 def _derived(uniform: UniformSamples) -> np.ndarray:

@@ -117,13 +117,18 @@ def _of_sensor(
         if told in ("", "foot") and not settings.parameters
         else None
     )
+    if readings.holes:
+        begin_s, end_s = float(readings.time[0]), float(readings.time[-1])
+        told_of = finding("gait.cut", name, holes=readings.holes, begin_s=begin_s, end_s=end_s)
+        own = replace(own, findings=[told_of])
     place, by = _place(name, told, readings, walked)
     own = replace(own, on=place, known_by=by)
     if by not in ("told", ""):
         found = finding("gait.place", name, place=place, how=f"its {by}")
-        own = replace(own, findings=[found])
+        own = replace(own, findings=[*own.findings, found])
     if not place:
-        return replace(own, findings=[finding("gait.place_unknown", name)]), {}
+        unknown = finding("gait.place_unknown", name)
+        return replace(own, findings=[*own.findings, unknown]), {}
     if place == "foot" and not settings.parameters:
         walk_found, signals = _on_foot(own, readings, walked)
     else:

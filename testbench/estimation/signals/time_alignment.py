@@ -142,7 +142,8 @@ def fit_anywhere(
     fit = _refine(measured.thinned(MOST_POINTS), true, offset, found.drift)
     if fit is None or fit.correlation**2 < LEAST_EXPLAINED:
         return replace(arrival, refused="no common motion", correlation=found.correlation)
-    return replace(fit, offset_s=fit.offset_s + zero, shift_s=shifts[chosen])
+    lag = begin - (begin - fit.offset_s) / (1 + 1e-6 * fit.drift_ppm)  # at the first sample
+    return replace(fit, offset_s=fit.offset_s + zero, shift_s=lag - stated)
 
 
 def _without_jumps(true: RateMagnitude, measured: RateMagnitude) -> RateMagnitude:

@@ -185,7 +185,7 @@ TEMPLATES = {
         "while they turn alike elsewhere",
         "a body slipped under its markers, the reference drifted, or the gyroscope was clipped or "
         "disturbed: what is judged from there on holds it, and nobody knows of which",
-        "leave the stretch out by the key exclude of the mapping, or cut the file there",
+        "to judge both sides of it apart, cut the file there and import the parts one by one",
     ),
     "truth.aligned_apart": Template(
         WARNING,

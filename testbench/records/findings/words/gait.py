@@ -131,6 +131,13 @@ TEMPLATES = {
         "",
         "if it is worn otherwise, say so with --mounting level, frontal or lateral",
     ),
+    "gait.cut": Template(
+        WARNING,
+        "{holes} {holes:hole|holes} without rows: the way is that of the longest stretch without "
+        "one, from {begin_s:.1f} s to {end_s:.1f} s",
+        "nobody knows how it moved in a hole, so that distance and path end there",
+        "import the parts of the file one by one to have the others",
+    ),
     "gait.intercept": Template(
         NOTE,
         "an intercept b_H larger by {more_m:+.3f} m would make its way {distance_m:g} m long",
