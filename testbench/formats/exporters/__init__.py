@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 
 from testbench.exceptions import BenchError, InputError, NotFoundError
-from testbench.formats.exporters.settings import settings_notes
+from testbench.formats.exporters.settings import doubtful_notes, settings_notes
 from testbench.formats.exporters.source import TRUTH, ExportSource, Frame
 from testbench.formats.exporters.writing import check_target, written_whole
 from testbench.formats.opensim_names import Model
@@ -196,7 +196,8 @@ def write_export(
         raise BenchError(f"{path}: there is not enough memory for this export") from None
     filters = [source.filter] if kind.one_filter else source.filters
     empty = [] if filters else ["no orientation is in it, for no filter could run"]
-    return Exported(path, filters, [*notes, *empty, *settings_notes(source, filters)])
+    doubtful = doubtful_notes(source) if set(filters) - {TRUTH} else []
+    return Exported(path, filters, [*notes, *empty, *doubtful, *settings_notes(source, filters)])
 
 
 __all__ = [

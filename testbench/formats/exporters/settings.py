@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from testbench.formats.exporters.source import ExportSource
+from testbench.frames import NANOSECONDS
 
 
 def settings_of(source: ExportSource, names: Iterable[str]) -> dict[str, str]:
@@ -43,6 +46,26 @@ def settings_notes(source: ExportSource, names: Iterable[str]) -> list[str]:
             "the estimate was made from raw samples that a stored calibration had corrected: "
             + ", ".join(corrected)
         )
+    return notes
+
+
+def doubtful_notes(source: ExportSource) -> list[str]:
+    """A sentence for each sensor some of whose samples were refused: what filters say there is in
+    the file, and no evaluation counts it.
+    """
+    notes = []
+    for name in source.sensor_names:
+        own = source.estimate.sensors[name]
+        flagged = int(own.flagged.sum())
+        if flagged:
+            why = [reason for reason, count in own.quality.items() if count]
+            first = float(own.host_time_ns[int(np.argmax(own.flagged))]) / NANOSECONDS
+            reasons = ", ".join(why) or "see the report"
+            notes.append(
+                f"{name}: {flagged} of {len(own.flagged)} orientations, the first at "
+                f"{first:.2f} s, are of samples that were refused ({reasons}); they may be far "
+                "off, and no evaluation counts them"
+            )
     return notes
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from scipy.io import loadmat
@@ -13,6 +16,7 @@ from scipy.io import loadmat
 from testbench.estimation import estimate
 from testbench.exceptions import InputError, NotFoundError, StorageError
 from testbench.formats.exporters import EXPORTS, ExportSource, prepare_export, write_export
+from testbench.formats.exporters.settings import doubtful_notes
 from testbench.pipeline.exports import export
 from testbench.pipeline.request import ExportRequest
 from testbench.records.session.session import Session
@@ -251,3 +255,17 @@ def test_a_session_that_was_cut_off_is_refused(own_session):
     (own_session.path / "arm.arrows").write_bytes(b"")
     with pytest.raises(InputError, match="cut off"):
         export(Session(own_session.path), ExportRequest(format="csv", filter="madgwick_imu"))
+
+
+def test_orientations_of_refused_samples_are_told(quick):
+    """They are in the file as the filter gave them, and may be far off after a gap."""
+    name, own = next(iter(quick.estimate.sensors.items()))
+    flagged = np.arange(len(own.flagged)) >= 100
+    lost = replace(own, flagged=flagged, quality={"after a gap": int(flagged.sum())})
+    sensors = quick.estimate.sensors | {name: lost}
+    source = SimpleNamespace(
+        sensor_names=list(sensors), estimate=replace(quick.estimate, sensors=sensors)
+    )
+    (note,) = doubtful_notes(source)
+    assert note.startswith(f"{name}: {int(flagged.sum())} of {len(flagged)} orientations")
+    assert "after a gap" in note
