@@ -92,7 +92,10 @@ def _of_one_file(seen: Seen, said: list[str]) -> dict[str, Any]:
         result["rate_hz"] = rate[1]
         said.append(f"{seen.table.file.name}: no times; {rate[0]} states {rate[1]:g} Hz")
     else:
-        said.append(f"{seen.table.file.name}: no times are recognised; state --rate HZ")
+        said.append(
+            f"{seen.table.file.name}: no times are recognised; state --rate HZ, or --unit "
+            "time=ms (us, ns) where a column of times is in another unit than its title says"
+        )
     for (label, kind), own in times.items():
         if kind not in sensors[label]:
             continue

@@ -171,7 +171,8 @@ def unit_told(
         return written, "by its titles"
     if len(fitting) == 1:
         told = "gravity at rest" if kind == "acc" else "turns as the accelerometer sees them"
-        return fitting[0], f"by {told}"
+        against = "" if written is None else f", though its titles say {written}: look which is so"
+        return fitting[0], f"by {told}{against}"
     return None, "of which the unit is not told: the import asks for it"
 
 

@@ -404,8 +404,11 @@ def _stamps(table: TextTable, options: TruthOptions) -> Stamps:
     if options.time_unit is not None:
         raise InputError(f"--truth-time-unit has no effect: no times of {options.file} are used")
     if options.rate is None:
+        columns = ", ".join(table.names[:20])
         raise InputError(
-            f"{options.file} has no column of times; state its rate with --truth-rate HZ"
+            f"{options.file} has no column of times that is called time, t or timestamp, with its "
+            f"unit or without (its columns: {columns}); state its rate with --truth-rate HZ, or "
+            "name the column in a mapping (truth.time)"
         )
     rate = options.rate
     return Stamps(lambda: RegularTime(rate), [])
