@@ -56,13 +56,16 @@ class RateFit:
     magnitudes: float
 
 
-def fit_rates(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> RateFit | None:
+def fit_rates(
+    samples: ImuSamples, time_ns: np.ndarray, truth: Truth, least_across: float = LEAST_ACROSS
+) -> RateFit | None:
     """Turn a sensor's rates onto those of a truth.
 
     Args:
         samples: Of the sensor.
         time_ns: Instants that the rates are of, increasing, shape (n,) [ns].
         truth: Whose rates they may be.
+        least_across: Part of the variance that must lie across the main axis [1].
 
     Returns:
         The fit; None where the motion tells nothing: too slow, or about one axis.
@@ -86,7 +89,7 @@ def fit_rates(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> RateFit
         return None
     read, true = gyr[pick][sound], rate[sound]
     spread = np.sort(np.linalg.eigvalsh(true.T @ true / len(true)))
-    if spread.sum() < LEAST_RATE**2 or spread[1] < LEAST_ACROSS * spread.sum():
+    if spread.sum() < LEAST_RATE**2 or spread[1] < least_across * spread.sum():
         return None
     profile = true.T @ read
     R = rotation.nearest_rotation(profile)
@@ -117,7 +120,8 @@ def misread(samples: ImuSamples, time_ns: np.ndarray, truth: Truth, fit: RateFit
     fits = {
         name: found
         for name, reread in readings.items()
-        if (found := fit_rates(samples, time_ns, replace(truth, q_world_from_sensor=reread)))
+        # walking turns about little more than one axis once it is read right
+        if (found := fit_rates(samples, time_ns, replace(truth, q_world_from_sensor=reread), 0.0))
         and _better(found, fit)
     }
     if not fits:

@@ -17,6 +17,8 @@ WIDEST = 2.5
 
 LOST_S = 0.25
 """Between samples further apart nobody knows how a sensor turned [s]."""
+SMALL_BIAS = np.radians(1.0)
+"""A smaller reading is a bias, whatever a truth with noise says of it [rad/s]."""
 LARGEST_BIAS = np.radians(10.0)
 """A larger reading is motion, where nothing else tells that it is a bias [rad/s]."""
 LEAST_SPAN_S = 0.05
@@ -100,7 +102,7 @@ def rest_reading(gyr: np.ndarray, stays: Callable[[np.ndarray], bool] | None = N
     spread = blocks.var(axis=1).sum(axis=1)
     chosen = np.flatnonzero(spread <= np.quantile(spread, 0.1))
     reading = np.asarray(np.median(blocks[chosen].reshape(-1, 3), axis=0))
-    if np.linalg.norm(reading) < LARGEST_BIAS:
+    if np.linalg.norm(reading) < (LARGEST_BIAS if stays is None else SMALL_BIAS):
         return reading
     ends = np.column_stack([chosen * size, chosen * size + size - 1])
     return reading if stays is not None and stays(ends) else np.zeros(3)

@@ -26,7 +26,11 @@ SEARCH_S = 3.0
 """The coarse search looks this far on either side of what the arrival times say."""
 LEAST_RATE = np.radians(2.0)
 """A record whose fastest motion stays below this says nothing of time [rad/s]."""
-ITERATIONS = 50
+ITERATIONS = 60
+SLOPE_OVER_S = 0.2
+"""The slope of the truth's rate is that of its mean over so long [s]: of orientations with noise
+the rates are mostly noise, and their slope would pull the fit and promise too much.
+"""
 MOST_POINTS = 400_000
 """More rates than this are thinned out: hours of them say no more of two numbers."""
 CLUSTERS_S = (2.0, 4.0, 8.0, 16.0, 32.0)
@@ -222,10 +226,11 @@ def _refine(
     Minimises the sum of (rate(t) - gain * truth((t - offset) / (1 + drift)))^2. None where the two
     records drift apart, so that nothing can be compared.
     """
-    slope = np.gradient(true.rate, true.time)
+    slope = _smooth_slope(true)
     middle = float(measured.time.mean())
     gain = _first_gain(measured, true, offset, drift)
     residual, jacobian, inside = np.zeros(1), np.eye(3), np.zeros(1, dtype=bool)
+    left = np.inf
     for _ in range(ITERATIONS):
         host = (measured.time - offset) / (1 + drift)
         inside = true.known_at(host)
@@ -237,6 +242,10 @@ def _refine(
         centred = (measured.time[inside] - middle) / (1 + drift)
         jacobian = np.column_stack([gradient, gradient * centred, -expected])
         residual = measured.rate[inside] - gain * expected
+        squares = float(residual @ residual) / len(residual)
+        if squares > 1.01 * left:  # faster than the smoothed slope can follow
+            slope = np.gradient(true.rate, true.time)
+        left = min(left, squares)
         step, *_ = np.linalg.lstsq(jacobian, -residual, rcond=None)
         drift += step[1]
         offset += step[0] - step[1] * (middle - offset) / (1 + drift)
@@ -272,6 +281,15 @@ def _refine(
         method="angular_rate",
         correlation=float(np.sqrt(max(1 - variance / max(float(np.var(rates)), 1e-30), 0.0))),
     )
+
+
+def _smooth_slope(true: RateMagnitude) -> np.ndarray:
+    """How fast the truth's rate changes, shape (n,) [rad/s^2]."""
+    usual = float(np.median(np.diff(true.time))) if len(true.time) > 1 else SLOPE_OVER_S
+    half = max(round(SLOPE_OVER_S / 2 / max(usual, 1e-6)) // 2 * 2 + 1, 1)
+    # a mean of means: a triangle, which has no sidelobes that let noise through
+    smooth = moving_mean(moving_mean(true.rate, half, "held"), half, "held")
+    return np.asarray(np.gradient(smooth, true.time))
 
 
 def _first_gain(measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float) -> float:

@@ -158,6 +158,8 @@ def _details(build: Build, convert: Conversion, rate: float) -> dict[str, Any]:
         details["full_scale"] = full_scale
     if build.spec.sampling == "integrated":
         details |= {"sampling": "integrated", "rate_delay_s": 0.5 / rate}
+    elif "sampling" in build.spec.model_fields_set:  # said, and not merely the default
+        details["sampling"] = build.spec.sampling
     if build.spec.gyr_delay_ms is not None:
         details["rate_delay_s"] = 1e-3 * build.spec.gyr_delay_ms
     if build.spec.truth is not None and build.spec.truth.world != "z_up":
