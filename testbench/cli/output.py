@@ -311,11 +311,12 @@ def _say_verdict(evaluation: Evaluation) -> None:
 
 def _say_repeats(evaluation: Evaluation) -> None:
     """What sessions of the same protocol scatter by, of what has a limit or is ranked."""
+    from testbench.records.results.evaluation_rows import RANKED_METRICS
+
     sessions = evaluation.repeated_sessions
     if not sessions:
         return
     limited = {m.name for m in evaluation.metrics if m.outcome is not None}
-    ranked = ("flexion_mean_abs_error_deg", "total_rmse_deg")
     parts = {session.part for session in sessions}
     say_table(
         f"Over {len(sessions)} sessions of this protocol"
@@ -333,7 +334,7 @@ def _say_repeats(evaluation: Evaluation) -> None:
                 " to ".join(f"{end:.2f}" for end in row.another_95 or ()) + f" {row.unit}",
             ]
             for row in evaluation.repeats
-            if row.name in limited or row.name.partition(".")[2] in ranked
+            if row.name in limited or row.name.partition(".")[2] in RANKED_METRICS
         ],
     )
 

@@ -24,6 +24,7 @@ from testbench.evaluation.repeatability import key_of
 from testbench.evaluation.verdict import has_sign
 from testbench.records.results.evaluation import Evaluation, Metric
 from testbench.records.results.evaluation_rows import (
+    RANKED_METRICS,
     Comparison,
     Interval,
     RankRow,
@@ -31,7 +32,7 @@ from testbench.records.results.evaluation_rows import (
     RepeatedSession,
 )
 
-RANKED = {"flexion_mean_abs_error_deg": MEAN_MAGNITUDE, "total_rmse_deg": MEAN_SQUARE}
+RANKED = dict(zip(RANKED_METRICS, (MEAN_MAGNITUDE, MEAN_SQUARE), strict=True))
 """Metrics by which filters are compared over sessions, as they are within one."""
 FEWEST = 2
 """Sessions that have a scatter."""

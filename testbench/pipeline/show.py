@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from testbench.evaluation import evaluate
-from testbench.exceptions import InputError
+from testbench.exceptions import InputError, SessionError
 from testbench.pipeline.kept_estimate import load_or_estimate
 from testbench.pipeline.request import ViewRequest
 from testbench.records.results.evaluation import Evaluation
@@ -33,8 +34,7 @@ def show(session: Session, asked: ViewRequest | None = None) -> list[Path]:
         if target is not None and not target.parent.is_dir():
             raise InputError(f"{target} cannot be written: there is no folder {target.parent}")
     estimated = load_or_estimate(session)
-    known = (session.path / EVALUATION_SUMMARY).is_file()  # a new estimate takes it away
-    evaluated = Evaluation.load(session.path) if known else evaluate(session, estimated)
+    evaluated = _stored_evaluation(session) or evaluate(session, estimated)
     if save is not None:
         viewer.save_recording(session, save, estimated, evaluated)
     if screenshot is not None:
@@ -43,3 +43,14 @@ def show(session: Session, asked: ViewRequest | None = None) -> list[Path]:
     if not written:
         viewer.view(session, web=asked.web, estimate=estimated, evaluation=evaluated)
     return written
+
+
+def _stored_evaluation(session: Session) -> Evaluation | None:
+    """That which the report shows, too; a new estimate has taken an earlier one away. None where
+    there is none that can be read.
+    """
+    if not (session.path / EVALUATION_SUMMARY).is_file():
+        return None
+    with suppress(SessionError):
+        return Evaluation.load(session.path)
+    return None

@@ -13,6 +13,8 @@ from testbench.evaluation import evaluate
 from testbench.pipeline.analyse import judge_again
 from testbench.pipeline.kept_estimate import make_estimate
 from testbench.pipeline.noise import measure_noise
+from testbench.pipeline.request import ViewRequest
+from testbench.pipeline.show import show
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.session.session import Session
@@ -72,3 +74,9 @@ def test_the_pipeline_names_all_its_modules():
     folder = Path(str(pipeline.__file__)).parent
     modules = {path.stem for path in folder.glob("*.py")} - {"__init__"}
     assert {name for name in modules if f"`{name}`" not in str(pipeline.__doc__)} == set()
+
+
+def test_an_evaluation_that_cannot_be_read_does_not_keep_the_viewer_from_showing(session, tmp_path):
+    (session.path / "evaluation.json").write_text("{}", encoding="utf-8")
+    (written,) = show(session, ViewRequest(save=tmp_path / "shown.rrd"))
+    assert written.stat().st_size > 10_000

@@ -244,6 +244,10 @@ class RankRow:
     no_difference: list[str] = field(default_factory=list)
 
 
+RANKED_METRICS = ("flexion_mean_abs_error_deg", "total_rmse_deg")
+"""Metrics that filters are compared by, of a joint and of a sensor."""
+
+
 @dataclass(frozen=True)
 class RepeatedSession:
     """A session that counts among the repetitions of a protocol.

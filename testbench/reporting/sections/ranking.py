@@ -93,11 +93,6 @@ def _ranking(
     blocks = min((c.blocks for c in compared), default=0)
     body = []
     for row in rows:
-        rank = (
-            f"{row.best_rank}"
-            if row.best_rank == row.worst_rank
-            else f"{row.best_rank} to {row.worst_rank}"
-        )
         alike = (
             "any other"
             if len(row.no_difference) == len(rows) - 1 > 1
@@ -107,7 +102,7 @@ def _ranking(
             Row(
                 [
                     label(row.filter),
-                    Cell(rank, kind="number"),
+                    Cell(places_of(row), kind="number"),
                     text(row.group),
                     number(row.value, 3),
                     _p_value(clearest[row.filter]),
@@ -139,6 +134,12 @@ def _ranking(
         "the clearest difference from any other filter, after Holm's correction. The truth is the "
         f"same for all, so its uncertainty does not count here.{how_remarks(bool(far))}",
     )
+
+
+def places_of(row: RankRow) -> str:
+    """Every place that the comparisons leave open."""
+    best, worst = row.best_rank, row.worst_rank
+    return f"{best}" if best == worst else f"{best} to {worst}"
 
 
 def _p_value(p: float) -> Cell:

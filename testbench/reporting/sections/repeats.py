@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from testbench.records.results.evaluation import Evaluation
-from testbench.records.results.evaluation_rows import RepeatedMetric
+from testbench.records.results.evaluation_rows import RANKED_METRICS, RepeatedMetric
 from testbench.reporting.page.figures import scatter_rows
 from testbench.reporting.page.page import Block, Figures, Section, Sentence
+from testbench.reporting.page.palette import REFERENCE
 from testbench.reporting.page.tables import (
     Cell,
     Row,
@@ -17,9 +18,8 @@ from testbench.reporting.page.tables import (
     number,
     text,
 )
+from testbench.reporting.sections.ranking import places_of
 
-DRAWN = ("flexion_mean_abs_error_deg", "total_rmse_deg")
-"""Metrics that get a figure: one of a joint, one of a sensor."""
 DECIMALS = {"deg": 3, "ms": 1, "s": 2}
 
 
@@ -57,7 +57,7 @@ def _place(row: RepeatedMetric) -> tuple[str, str | None, str | None]:
 
 
 def _places(rows: list[RepeatedMetric]) -> list[tuple[str, str | None, str | None]]:
-    drawn = [row for row in rows if row.name.partition(".")[2] in DRAWN]
+    drawn = [row for row in rows if row.name.partition(".")[2] in RANKED_METRICS]
     return list(dict.fromkeys(map(_place, drawn)))
 
 
@@ -82,7 +82,7 @@ def _figure(rows: list[RepeatedMetric], colours: dict[str, str]) -> Block:
         )
         for row in rows
     }
-    known = {name: colours.get(name, "#868e99") for name in drawn}
+    known = {name: colours.get(name, REFERENCE) for name in drawn}
     where = _words(rows[0])
     return Figures(
         f"Session by session: {where}",
@@ -110,7 +110,7 @@ def _rankings(evaluation: Evaluation) -> list[Block]:
             Row(
                 [
                     label(row.filter),
-                    Cell(_places_of(row.best_rank, row.worst_rank), kind="number"),
+                    Cell(places_of(row), kind="number"),
                     text(row.group),
                     number(row.value, 3),
                     text(", ".join(row.no_difference), kind="wide"),
@@ -136,10 +136,6 @@ def _rankings(evaluation: Evaluation) -> list[Block]:
             )
         )
     return blocks
-
-
-def _places_of(best: int, worst: int) -> str:
-    return f"{best}" if best == worst else f"{best} to {worst}"
 
 
 def _table(rows: list[RepeatedMetric]) -> Table:
