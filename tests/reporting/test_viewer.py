@@ -308,6 +308,32 @@ def test_a_viewer_that_starts_and_loads_slowly_draws_at_last(
     assert (tmp_path / "view.png").is_file()
 
 
+class Painting:
+    """A viewer that is too slow for so many pictures, as rerun-sdk 0.41 on a busy machine."""
+
+    def __init__(self, late: int):
+        self.late, self.asked = late, []
+
+    def save_screenshot(self, path: str) -> None:
+        assert path not in self.asked  # one that was given up may still be written
+        self.asked.append(path)
+        if len(self.asked) <= self.late:
+            Path(path).write_bytes(b"PN")
+            raise TimeoutError("Deadline expired before operation could complete")
+        Path(path).write_bytes(b"PNG")
+
+
+def test_a_picture_that_is_not_painted_in_time_is_asked_for_again(tmp_path: Path) -> None:
+    process._paint(Painting(process.ASKS - 1), tmp_path / "view.png")
+    assert (tmp_path / "view.png").read_bytes() == b"PNG"
+
+
+def test_a_viewer_that_never_paints_is_not_asked_for_ever(tmp_path: Path) -> None:
+    with pytest.raises(ViewerError, match="no picture in 8 attempts"):
+        process._paint(Painting(process.ASKS), tmp_path / "view.png")
+    assert not (tmp_path / "view.png").exists()
+
+
 def test_columns_move_apart_where_many_rows_make_the_axes_small() -> None:
     assert column_width(2, 11) == COLUMN
     assert column_width(7, 2) > 2.5 * COLUMN

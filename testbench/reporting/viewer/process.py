@@ -38,6 +38,10 @@ REFUSALS = (ConnectionError, RuntimeError)
 """What the viewer's client raises: the first for everything that the viewer itself refuses
 (rerun-sdk 0.41), the second for what it cannot ask for.
 """
+ASKS = 8
+"""How often a picture is asked for: the viewer gives up on one that it has not painted within 15 s
+(rerun-sdk 0.41, `ViewerClient.save_screenshot`), which software drawing on a busy machine exceeds.
+"""
 
 
 class ViewerError(BenchError):
@@ -157,12 +161,33 @@ def _draw(process: subprocess.Popen[bytes], port: int, path: Path, time_s: float
         waited += 0.2
     _go_to(client, time_s, pause)
     pause.wait(2.0)
-    try:
-        client.save_screenshot(str(path))
-    except REFUSALS as error:
-        raise _refused(error) from None
-    if not path.is_file():
-        raise ViewerError(f"the viewer wrote no picture to {path}")
+    _paint(client, path)
+
+
+def _paint(client: Any, path: Path) -> None:
+    """Have the viewer write what it shows.
+
+    Each time it is asked for a file of its own: an earlier one may still be on its way.
+
+    Raises:
+        ViewerError: It refuses, is never done in time, or wrote nothing.
+    """
+    for ask in range(ASKS):
+        own = path.with_name(f"{path.stem}-{ask}{path.suffix}")
+        try:
+            client.save_screenshot(str(own))
+        except TimeoutError:
+            continue
+        except REFUSALS as error:
+            raise _refused(error) from None
+        if not own.is_file():
+            raise ViewerError(f"the viewer wrote no picture to {own}")
+        own.replace(path)
+        return
+    raise ViewerError(
+        f"the viewer painted no picture in {ASKS} attempts of 15 s; where the machine is busy, try "
+        "again later"
+    )
 
 
 def _go_to(client: Any, time_s: float, pause: threading.Event) -> None:
@@ -178,6 +203,8 @@ def _go_to(client: Any, time_s: float, pause: threading.Event) -> None:
     while True:
         try:
             return client.set_time(TIMELINE, duration=time_s, play_state="paused")
+        except TimeoutError:  # after 15 s of its own, as for a picture
+            waited += 15.0
         except REFUSALS as error:
             if "timeline" not in str(error):
                 raise _refused(error) from None
