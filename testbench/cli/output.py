@@ -250,16 +250,38 @@ def say_warnings(plan: Plan) -> None:
 
 
 def say_evaluation(
-    evaluation: Evaluation, session: str, report: str | None, simulated: Sequence[str] = ()
+    evaluation: Evaluation,
+    session: str,
+    report: str | None,
+    simulated: Sequence[str] = (),
+    tables: bool = True,
 ) -> None:
-    """The summary of a session.
+    """The summary of a session: its tables where asked for, then what it answers.
 
     Args:
         evaluation: Of the session.
         session: Its folder.
         report: Where its report lies; none if None.
         simulated: What of the session was not real.
+        tables: Whether its numbers are shown, too.
     """
+    from testbench.records.results.answer import answers
+
+    if tables:
+        _say_tables(evaluation)
+    say_findings(evaluation.findings)
+    for answer in answers(evaluation):
+        say(answer.text)
+    say(f"outcome: {evaluation.verdict}")
+    if simulated:
+        say(f"simulated: {' and '.join(simulated)}")
+    say(f"session: {session}")
+    if report:
+        say(f"report:  {report}")
+
+
+def _say_tables(evaluation: Evaluation) -> None:
+    """The numbers of a session."""
     if evaluation.limited:
         _say_verdict(evaluation)
     _say_flexion(evaluation)
@@ -270,13 +292,6 @@ def say_evaluation(
         _say_orientation(evaluation)
     _say_repeats(evaluation)
     say_noise(evaluation.noise)
-    say_findings(evaluation.findings)
-    say(f"outcome: {evaluation.verdict}")
-    if simulated:
-        say(f"simulated: {' and '.join(simulated)}")
-    say(f"session: {session}")
-    if report:
-        say(f"report:  {report}")
 
 
 def _say_verdict(evaluation: Evaluation) -> None:

@@ -116,6 +116,9 @@ def run(
     no_report: Annotated[
         bool, typer.Option("--no-report", help="Do not write report.html.")
     ] = False,
+    table: Annotated[
+        bool, typer.Option("--table", help="Show the tables of all numbers, too.")
+    ] = False,
     json: JsonOption = False,
 ) -> None:
     """Run a protocol: plan, check, move, record, estimate, evaluate, report. Keys: p pauses, r
@@ -148,10 +151,10 @@ def run(
     with _resumable(asked), progress_bar(not json) as display:
         consent = consent_of(confirm_motion, hazards_checked)
         result = carry_out(asked, _watcher(display, consent))
-    _finish(result, json)
+    _finish(result, json, table)
 
 
-def _finish(result: Result, json: bool) -> None:
+def _finish(result: Result, json: bool, table: bool) -> None:
     """Say what a run came to, and end with its exit code."""
     if json:
         say_json(result.to_dict())
@@ -159,7 +162,7 @@ def _finish(result: Result, json: bool) -> None:
         report = str(result.report) if result.report else None
         say_description(result.evaluation)
         say_evaluation(
-            result.evaluation, str(result.session.path), report, result.session.simulated
+            result.evaluation, str(result.session.path), report, result.session.simulated, table
         )
     raise typer.Exit(exit_code(result.evaluation))
 

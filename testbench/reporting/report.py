@@ -20,6 +20,7 @@ from testbench.reporting.page.figures import Span
 from testbench.reporting.page.page import Page, Section, Sentence
 from testbench.reporting.page.palette import filter_colours
 from testbench.reporting.page.render import render_page
+from testbench.reporting.sections.answer import answer_blocks
 from testbench.reporting.sections.axes import axes_section
 from testbench.reporting.sections.chain import chain_section
 from testbench.reporting.sections.fit import fit_section
@@ -39,7 +40,6 @@ from testbench.reporting.sections.provenance import provenance_section
 from testbench.reporting.sections.recording import recording_section
 from testbench.reporting.sections.repeats import repeats_section
 from testbench.reporting.sections.run import facts, run_section, simulated_parts
-from testbench.reporting.sections.tiles import result_tiles
 from testbench.reporting.sections.uncertainty import uncertainty_section
 from testbench.reporting.sections.verdict import verdict_section
 
@@ -119,14 +119,13 @@ def render(
             partial="" if earlier is None else f"This session {earlier.sentence}.",
             facts=facts(session),
             tiles=[
-                *result_tiles(
-                    evaluation,
-                    {name: joint.label for name, joint in session.analysis.joints.items()},
-                ),
                 *([] if evaluation is None else motion_tiles(evaluation)),
                 *gait_tiles(gait),
             ],
             sections=sections,
+            answer=[]
+            if evaluation is None or not evaluation.judged
+            else answer_blocks(evaluation, _colours(session, evaluation), section_spans(session)),
         )
     )
 
@@ -177,6 +176,15 @@ def _sections(
     return [*sections, provenance_section(session)]
 
 
+def _colours(session: Session, evaluation: Evaluation) -> dict[str, str]:
+    """Of the filters that were held against a truth."""
+    names = [row.filter for row in evaluation.orientation] + [
+        row.filter for row in evaluation.joint_angle
+    ]
+    asked = [name for name in session.analysis.estimate.filters if name in names]
+    return filter_colours(asked + names)
+
+
 def _judged_sections(
     session: Session,
     estimate: Estimate | None,
@@ -185,12 +193,7 @@ def _judged_sections(
     of_chain: list[Section],
 ) -> list[Section]:
     """What was held against a truth."""
-    names = [row.filter for row in evaluation.orientation] + [
-        row.filter for row in evaluation.joint_angle
-    ]
-    colours = filter_colours(
-        [name for name in session.analysis.estimate.filters if name in names] + names
-    )
+    colours = _colours(session, evaluation)
     sections = []
     if session.analysis.joints and set(session.analysis.joints) - set(unjudged_joints(evaluation)):
         published = {

@@ -23,7 +23,7 @@ const count = () => document.querySelectorAll(".figure.js-plotly-plot").length;
 const waiting = setInterval(() => {
   if (page.drawn !== "all") return;
   if (page.before) page.after = count();
-  else { page.before = count(); document.querySelector("details").open = true; }
+  else { page.before = count(); document.querySelector("details:not(.how)").open = true; }
 }, 500);
 """
 """Counts the figures that are drawn before and after the first fold is opened."""

@@ -18,14 +18,15 @@ from PIL import Image
 from testbench.cli.output import say_evaluation
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.earlier import NOTED
+from testbench.records.results.answer import answers
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Metric, Outcome
 from testbench.records.results.evaluation_rows import FieldFollowingRow, OutlierRow
 from testbench.records.session.session import Session
 from testbench.records.specs.published import load_published
-from testbench.reporting.page.page import Figures, Sentence
+from testbench.reporting.page.page import Figures, Heading, Section, Sentence, figures_first
 from testbench.reporting.page.palette import COLOURS, filter_colours, rgb
-from testbench.reporting.page.tables import Table
+from testbench.reporting.page.tables import Cell, Row, Table
 from testbench.reporting.report import render, report
 from testbench.reporting.sections.fit import fit_section
 from testbench.reporting.sections.joint import joint_section
@@ -174,7 +175,37 @@ def test_every_table_and_figure_says_how_to_read_it(quick_page: Page) -> None:
     classes = [a.get("class") or "" for _, a in quick_page.tags]
     blocks = classes.count("scroll") + classes.count("figures") + classes.count("small-figures")
     assert blocks > 10
-    assert quick_page.words.count("How to read: ") == blocks == classes.count("how")
+    assert quick_page.words.count("How to read") == blocks == classes.count("how")
+
+
+def test_the_first_screen_answers_before_anything_else(quick_page: Page, quick: Judged) -> None:
+    for answer in answers(quick.evaluation):
+        assert quick_page.words.index(answer.text) < quick_page.words.index("Metrics with limits")
+    first, beside = quick_page.figures[:2]
+    names = {trace["name"] for trace in first["data"]}
+    assert names == {"true flexion", *(row.filter for row in quick.evaluation.joint_angle)}
+    assert first["layout"]["yaxis2"]["title"]["text"] == "error [deg]"
+    values = {t["name"]: t["x"][0] for t in beside["data"] if t["mode"] == "markers"}
+    assert list(values.values()) == sorted(values.values())
+    for row in quick.evaluation.joint_summary:
+        if (row.sequence, row.section) == ("ZXZ", "static"):
+            assert values[row.filter] == pytest.approx(row.errors.mean_abs_error_deg, rel=1e-3)
+            assert beside["layout"]["shapes"][0]["x0"] == row.expanded_uncertainty_magnitude_deg
+
+
+def test_figures_stand_before_tables_and_tables_are_folded() -> None:
+    table = Table("t", [Cell("a")], [Row([Cell("1")])], "How to read: so.")
+    figure = Figures("f", {"f": {"data": [], "layout": {"height": 1}}}, "")
+    said = Sentence("said")
+    plain = Section("a", "A", [table, said])
+    assert figures_first(plain) is plain
+    mixed = Section("b", "B", [table, figure, Heading("part"), table, said, figure])
+    blocks = figures_first(mixed).blocks
+    kinds = [Figures, Table, Heading, Sentence, Figures, Table]
+    assert [type(block) for block in blocks] == kinds
+    assert all(block.folded for block in blocks if isinstance(block, Table))
+    hidden = Section("c", "C", [table, replace(figure, folded=True)])
+    assert figures_first(hidden) is hidden
 
 
 def test_published_numbers_stand_beside_ours(quick_page: Page) -> None:
@@ -215,6 +246,8 @@ def test_every_axis_of_every_figure_has_a_unit(quick_page: Page) -> None:
         }
         assert len(axes) >= 2
         for axis in axes.values():
+            if axis.get("type") == "category":
+                continue  # names of filters
             assert re.search(r"\[.+\]", axis["title"]["text"])
 
 
@@ -275,7 +308,7 @@ def test_an_imported_recording_has_orientation_but_no_joints(imported: Judged) -
     sections = [a["id"] for tag, a in page.tags if tag == "section"]
     assert "orientation" in sections
     assert "joints" not in sections
-    assert len(page.figures) == 1
+    assert len(page.figures) == 3  # over time and filter beside filter, then its chapter
     assert "an imported recording" in page.words
     assert "it is judged as a whole" in page.words
     assert "CC0" in page.words

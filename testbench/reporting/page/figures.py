@@ -387,6 +387,99 @@ def scatter_rows(
     return {"data": data, "layout": layout}
 
 
+@dataclass(frozen=True)
+class Bar:
+    """A value, and the ends of its interval or None where that is not known."""
+
+    value: float
+    interval: Sequence[float] | None = None
+
+
+def dots(
+    title: str,
+    bars: Mapping[str, Bar],
+    colours: Mapping[str, str],
+    x_title: str,
+    line: float | None = None,
+    line_name: str = "",
+) -> Figure:
+    """A dot for each name, with its interval, over a common axis.
+
+    Logarithmic where the values would crowd at its end.
+
+    Args:
+        title: Of the figure.
+        bars: By name, the uppermost first; values above zero.
+        colours: By name.
+        x_title: Of the axis of values.
+        line: Where an upright is drawn, in the unit of the axis; none if None.
+        line_name: What stands beside it.
+    """
+    values = [bar.value for bar in bars.values()]
+    ends = [end for bar in bars.values() for end in bar.interval or ()]
+    logarithmic = min(values) > 0 and max(values) > FLAT * float(np.median(values))
+    least = min(values) / 10 if logarithmic else -np.inf
+    data = [trace for name, bar in bars.items() for trace in _dot(name, bar, colours[name], least)]
+    layout = _layout(104 + 26 * len(bars))
+    layout["title"] = {"text": _text(title), "font": {"size": 14}, "x": 0.02, "xanchor": "left"}
+    layout["margin"]["t"] += 14
+    low, high = min([0.0, *ends, *values]), max([*values, *ends, line or 0.0])
+    layout["xaxis"] = _axis(x_title) | (
+        {"type": "log", "zeroline": False, "dtick": 1, "exponentformat": "none"}
+        if logarithmic
+        else {"range": [low - 0.02 * (high - low), high + 0.06 * (high - low)]}
+    )
+    layout["yaxis"] = _axis("") | {
+        "type": "category",
+        "categoryorder": "array",
+        "categoryarray": _reversed(bars),
+    }
+    if line is not None:
+        layout["shapes"], layout["annotations"] = _upright(line, line_name, logarithmic)
+    return {"data": data, "layout": layout}
+
+
+def _dot(name: str, bar: Bar, colour: str, least: float) -> list[Figure]:
+    """A dot, over the line of its interval, which an axis shows from `least` on."""
+    common: Figure = {"type": "scatter", "showlegend": False}
+    dot = common | {
+        "mode": "markers",
+        "name": _text(name),
+        "x": _rounded([bar.value]),
+        "y": [_text(name)],
+        "marker": {"size": 10, "color": colour},
+        "hovertemplate": "%{x:.3f} deg",
+    }
+    if bar.interval is None:
+        return [dot]
+    low, high = bar.interval
+    line = common | {
+        "mode": "lines",
+        "x": _rounded([max(low, least), high]),
+        "y": [_text(name)] * 2,
+        "line": {"color": colour, "width": 3},
+        "hoverinfo": "skip",
+    }
+    return [line, dot]
+
+
+def _upright(at: float, name: str, logarithmic: bool) -> tuple[list[Figure], list[Figure]]:
+    """A dashed line across a figure, and its name above the panel."""
+    line = {"color": REFERENCE, "width": 1.5, "dash": "dash"}
+    place = {"xref": "x", "yref": "paper", "y0": 0, "y1": 1}
+    words = {
+        "text": _text(name),
+        "xref": "x",
+        "yref": "paper",
+        "x": np.log10(at) if logarithmic else at,  # plotly places notes on such axes by exponents
+        "y": 1,
+        "yanchor": "bottom",
+        "showarrow": False,
+        "font": {"size": 11, "color": REFERENCE},
+    }
+    return [{"type": "line", "x0": at, "x1": at, "line": line} | place], [words]
+
+
 def _reversed(names: Iterable[str]) -> list[str]:
     """From the bottom to the top."""
     return [_text(name) for name in names][::-1]

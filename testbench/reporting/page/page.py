@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from testbench.reporting.page.figures import Figure
 from testbench.reporting.page.tables import Table
@@ -46,7 +46,8 @@ class Sentence:
 
     Attributes:
         text: Of it.
-        weight: "note" or "warning" of what must not be overlooked; empty of the others.
+        weight: "note" or "warning" of what must not be overlooked, the outcome of a limit; empty
+            of the others.
     """
 
     text: str
@@ -75,6 +76,26 @@ class Section:
     blocks: list[Block] = field(default_factory=list)
 
 
+def figures_first(section: Section) -> Section:
+    """The section with its tables behind its figures, and folded, under each of its headings.
+
+    One without a figure to be seen stays as it is.
+    """
+    if not any(isinstance(block, Figures) and not block.folded for block in section.blocks):
+        return section
+    groups: list[list[Block]] = [[]]
+    for block in section.blocks:
+        if isinstance(block, Heading):
+            groups.append([])
+        groups[-1].append(block)
+    ordered: list[Block] = []
+    for group in groups:
+        tables = [block for block in group if isinstance(block, Table | Folded)]
+        ordered += [block for block in group if not isinstance(block, Table | Folded)]
+        ordered += [replace(t, folded=True) if isinstance(t, Table) else t for t in tables]
+    return Section(section.key, section.title, ordered)
+
+
 @dataclass(frozen=True)
 class Tile:
     """A number worth seeing first."""
@@ -92,9 +113,10 @@ class Page:
     Attributes:
         title: The headline, and the first part of the window's title.
         purpose: The sentence below the headline; empty for none.
-        facts: Names and values below it.
+        facts: Names and values below the answer.
         tiles: Numbers worth seeing first.
         sections: The body.
+        answer: What was found, in sentences and figures: the first screen.
         outcome: Colour of the badge beside the title, None for no badge.
         verdict: Words on the badge.
         simulated: From what the samples come, where that is not real.
@@ -109,6 +131,7 @@ class Page:
     facts: Sequence[tuple[str, str]]
     tiles: Sequence[Tile]
     sections: Sequence[Section]
+    answer: Sequence[Block] = ()
     outcome: str | None = None
     verdict: str = ""
     simulated: str = ""

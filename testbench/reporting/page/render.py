@@ -11,17 +11,21 @@ import jinja2
 from markupsafe import Markup, escape
 
 from testbench.reporting.page.figures import plotly_script
-from testbench.reporting.page.page import Figures, Folded, Heading, Page
+from testbench.reporting.page.page import Figures, Folded, Heading, Page, figures_first
 from testbench.reporting.page.tables import Table, counted, powers_of_ten
 
 TEMPLATES = Path(__file__).resolve().parent / "templates"
+HOW = "How to read: "
+"""What the lines below tables and figures begin with; the page shows them behind these words."""
 
 
 def render_page(page: Page) -> str:
     """A page that works offline."""
-    blocks = [block for section in page.sections for block in section.blocks]
+    sections = [figures_first(section) for section in page.sections]
+    blocks = [*page.answer, *(block for section in sections for block in section.blocks)]
     return _template().render(
-        vars(page), has_figures=any(isinstance(block, Figures) for block in blocks)
+        vars(page) | {"sections": sections},
+        has_figures=any(isinstance(block, Figures) for block in blocks),
     )
 
 
@@ -41,6 +45,7 @@ def _template() -> jinja2.Template:
     environment.globals["plotly_script"] = lambda: Markup(plotly_script())
     environment.filters["breakable"] = _breakable
     environment.filters["code"] = _code
+    environment.filters["plain_how"] = lambda how: how.removeprefix(HOW)
     environment.globals["counted"] = counted
     environment.globals["verbatim"] = _verbatim
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}

@@ -13,13 +13,12 @@ from testbench.records.results.evaluation import ChainRow, Evaluation
 from testbench.records.session.layout import chain_table
 from testbench.reporting.page.decimation import Envelope
 from testbench.reporting.page.figures import Span, time_panels
-from testbench.reporting.page.page import Figures, Section, Sentence, Tile
+from testbench.reporting.page.page import Figures, Section, Sentence
 from testbench.reporting.page.palette import filter_colours
 from testbench.reporting.page.tables import (
     Cell,
     Row,
     Table,
-    counted,
     digits,
     header,
     label,
@@ -118,45 +117,6 @@ def _over_time(
         {f"error of the joints of {name} over time": figure},
         how,
     )
-
-
-def chain_tiles(evaluation: Evaluation) -> list[Tile]:
-    """The state of each section with the smallest error, over all joints; states are not ranked."""
-    tiles = []
-    for section in dict.fromkeys(row.section for row in evaluation.chain):
-        rms: dict[str, float] = {}
-        for state in dict.fromkeys(row.state for row in evaluation.chain if row.section == section):
-            own = [row for row in evaluation.chain if (row.section, row.state) == (section, state)]
-            rms[state] = float(np.sqrt(np.mean([row.rmse_deg**2 for row in own])))
-        best = min(rms, key=lambda state: rms[state])
-        own = [row for row in evaluation.chain if (row.section, row.state) == (section, best)]
-        worst = max(own, key=lambda row: row.rmse_deg)
-        detail = (
-            best
-            if len(rms) < 2
-            else f"{best}, the smallest of {len(rms)}, not tested against the others"
-        )
-        bounds = [
-            row.expanded_uncertainty_magnitude_deg
-            for row in own
-            if row.expanded_uncertainty_magnitude_deg is not None
-        ]
-        if bounds:
-            detail += f" (truth ± {digits(max(bounds), 2)} deg)"
-        if len(own) > 1:
-            detail += f"; worst joint: {worst.joint}, {digits(worst.rmse_deg, 2)} deg"
-        other = max(rms, key=lambda state: rms[state])
-        if other != best:
-            detail += f"; {other}: {digits(rms[other], 2)} deg"
-        tiles.append(
-            Tile(
-                digits(rms[best], 2),
-                "deg",
-                f"RMS error of {counted(len(own), 'chain joint')}, {section}",
-                detail,
-            )
-        )
-    return tiles
 
 
 def _facts(estimate: Estimate) -> Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from testbench.records.findings.finding import Severity
 from testbench.records.results.evaluation import Evaluation, Metric
 from testbench.reporting.page.page import Section, Sentence
 from testbench.reporting.page.tables import (
@@ -65,7 +66,10 @@ def verdict_section(evaluation: Evaluation | None, walked: bool = False) -> Sect
             )
         )
     section.blocks += finding_sentences(
-        own for own in evaluation.findings if own.code not in SAID_BELOW
+        own
+        for own in evaluation.findings
+        if own.code not in SAID_BELOW
+        and not (evaluation.judged and own.severity is Severity.WARNING)  # on the first screen
     )
     return section
 
