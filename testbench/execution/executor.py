@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from testbench.clock import SystemClock
 from testbench.drivers.arms.base import SteppingArm
@@ -15,6 +14,7 @@ from testbench.execution.loop import RunLoop
 from testbench.execution.options import RunOptions
 from testbench.execution.recorder import RunRecorder, recorded_ns
 from testbench.execution.run_progress import ProgressMeter
+from testbench.records.session.manifest import SensorRecord
 from testbench.execution.sensors import Sensors
 from testbench.records.session.plan import Plan
 from testbench.records.session.session import Session
@@ -84,6 +84,6 @@ def execute_on_arm(
         sensors.close()
 
 
-def simulated_sensors(plan: Plan) -> dict[str, Any]:
+def simulated_sensors(plan: Plan) -> dict[str, SensorRecord]:
     """How the manifest describes the sensors of a simulated run."""
-    return {name: imu.describe() for name, imu in Sensors.simulated(plan, 0).imus.items()}
+    return Sensors.simulated(plan, 0).described()

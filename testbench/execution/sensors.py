@@ -13,6 +13,7 @@ from testbench.exceptions import BenchError, InputError
 from testbench.execution.devices import Devices
 from testbench.model.kinematics import Kinematics
 from testbench.model.links import draw_link_errors
+from testbench.records.session.manifest import SensorRecord
 from testbench.model.magnetic_field import describe_environment
 from testbench.records.session.plan import Plan
 from testbench.records.session.samples import ArmSamples, ImuSamples
@@ -70,6 +71,10 @@ class Sensors:
                 "name each with --serial NAME=PORT:FORMAT or --dot NAME=ADDRESS"
             )
         return Sensors(dict(devices.imus), devices)
+
+    def described(self) -> dict[str, SensorRecord]:
+        """What each says of itself."""
+        return {name: SensorRecord.of(imu.describe()) for name, imu in self.imus.items()}
 
     @property
     def are_simulated(self) -> bool:

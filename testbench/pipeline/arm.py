@@ -123,9 +123,8 @@ def refuse_other_sensors(prepared: Prepared, sensors: Sensors) -> None:
     """
     if prepared.resumed is None:
         return
-    today = {name: imu.describe() for name, imu in sensors.imus.items()}
     try:
-        refuse_differences(prepared.resumed, prepared.plan, today)
+        refuse_differences(prepared.resumed, prepared.plan, sensors.described())
     except BenchError:
         sensors.close()
         raise

@@ -71,5 +71,5 @@ def prepare_resume(asked: RunRequest, analysis: LoadedAnalysis) -> Prepared:
     note = (
         f"resuming by {protocol}" if protocol is not None else refuse_edited_protocol(session, plan)
     )
-    refuse_differences(session, plan, session.manifest.content["sensors"])
+    refuse_differences(session, plan, session.manifest.sensors)
     return Prepared(plan, analysis, session, missing_steps(session, plan), note)
