@@ -57,6 +57,24 @@ def test_a_circle_of_imports_is_found_however_it_is_closed() -> None:
     assert circle.room == "a"
 
 
+def test_a_circle_of_folders_is_found_where_no_modules_import_one_another() -> None:
+    sources = {
+        "units": "from testbench import exceptions",
+        "tables/__init__": "from testbench.room.door import all_of_it",
+        "tables/read": "from testbench.room.units import metre",
+        "table": "from testbench.room.tables.read import lines",
+        "door": "from testbench.room.doors.inner import x",
+        "doors/__init__": "from testbench.room.door import outer",
+        "doors/inner": "import numpy",
+    }
+    room = house.ROOT / "testbench" / "room"
+    package = {room / f"{name}.py": ast.parse(source) for name, source in sources.items()}
+    package[house.ROOT / "testbench" / "exceptions.py"] = ast.parse("")
+    (circle,) = house.circles(package)
+    assert circle.text == ("folders that import one another: testbench/room, testbench/room/tables")
+    assert circle.room == "room"
+
+
 @pytest.mark.parametrize(
     ("source", "found"),
     [

@@ -13,7 +13,14 @@ from pydantic import Field, field_validator, model_validator
 
 from testbench.exceptions import NotFoundError
 from testbench.formats.axes import PRESETS, AxisNames
-from testbench.formats.units import AccUnit, GyrUnit, MagUnit, TimeUnit, known_unit, unit_names
+from testbench.formats.tables.units import (
+    AccUnit,
+    GyrUnit,
+    MagUnit,
+    TimeUnit,
+    known_unit,
+    unit_names,
+)
 from testbench.records.disk.yaml_file import YamlDocument, load_yaml
 from testbench.records.specs.exclusion import Exclusion
 from testbench.records.specs.protocol import BodyJoint, Estimation, Segment
