@@ -37,7 +37,7 @@ from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.fit import Fit
-from testbench.records.session.session import Session
+from testbench.records.specs.sensor import ImuParameters
 
 BIRGE_FROM = 1 - BIRGE_BEYOND
 """Chance of residuals from which on Birge's ratio widens."""
@@ -146,15 +146,14 @@ def examined_magnetometer(
     return found, findings_of(lack, "magnetometer")
 
 
-def gyroscope_cubic(session: Session, sensor: str) -> float:
+def gyroscope_cubic(sheet: ImuParameters | None) -> float:
     """What the data sheet's nonlinearity is as a factor of the third power of a rate
-    [1/(rad/s)^2]; 0 where no sheet is named.
+    [1/(rad/s)^2]; 0 without a sheet.
     """
-    placed = session.analysis.sensors.get(sensor)
-    if placed is None or not (placed.preset or placed.parameters):
+    if sheet is None:
         return 0.0
-    sheet = placed.imu().gyroscope.triad()
-    return float(sheet.nonlinearity / sheet.range**2)
+    triad = sheet.gyroscope.triad()
+    return float(triad.nonlinearity / triad.range**2)
 
 
 def with_rate_nonlinearity(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from datetime import datetime
+from pathlib import Path
 
 from testbench.exceptions import InputError
 from testbench.model import rotation
@@ -19,12 +21,22 @@ class StoredCalibrations:
     """The stored calibrations that correct the raw samples of a session.
 
     Attributes:
-        session: The recording.
+        place: Folder of the session, for messages.
+        tags: What each sensor calls itself, by its name; None where it does not.
+        recorded: When the samples were taken; None where nobody knows.
         given: Each sensor takes its own that is nearest in time.
     """
 
-    session: Session
+    place: Path
+    tags: Mapping[str, str | None]
+    recorded: datetime | None
     given: list[SensorCalibration] = field(default_factory=list)
+
+    @staticmethod
+    def among(given: list[SensorCalibration], session: Session) -> StoredCalibrations:
+        """Those of them that are of the sensors of a session."""
+        tags = {name: own.device_tag for name, own in session.manifest.sensors.items()}
+        return StoredCalibrations(session.path, tags, session.recorded_at, given)
 
     def check(self) -> None:
         """Refuse calibrations of which not one is of a sensor of this session.
@@ -32,14 +44,14 @@ class StoredCalibrations:
         Raises:
             InputError: Names whose calibrations there are, and the session's sensors.
         """
-        if not self.given or any(self.of(name) for name in self.session.sensor_names):
+        if not self.given or any(self.of(name) for name in self.tags):
             return
         whose = ", ".join(
             sorted({f"'{c.sensor}'" + (f" ({c.device})" if c.device else "") for c in self.given})
         )
-        names = ", ".join(self.session.sensor_names)
+        names = ", ".join(self.tags)
         raise InputError(
-            f"{self.session.path}: none of its sensors ({names}) has a stored calibration; there "
+            f"{self.place}: none of its sensors ({names}) has a stored calibration; there "
             f"are those of {whose}"
         )
 
@@ -49,15 +61,14 @@ class StoredCalibrations:
         Raises:
             InputError: Several fit, and without a date none is nearest.
         """
-        tag = self.session.manifest.sensors[sensor].device_tag
-        return find_calibration(self.given, sensor, tag, self.session.recorded_at)
+        return find_calibration(self.given, sensor, self.tags[sensor], self.recorded)
 
     def findings(self, sensor: str) -> list[Finding]:
         """What a reader must know of the correction of a sensor's raw samples."""
         stored = self.of(sensor)
         if stored is None:
             return [finding("calibration.none_of_this_sensor")] if self.given else []
-        tag = self.session.manifest.sensors[sensor].device_tag
+        tag = self.tags[sensor]
         same = (
             f"of the same device, {tag}"
             if tag and stored.device == tag
@@ -69,7 +80,7 @@ class StoredCalibrations:
         origin = (
             f"{stored.file}, " if stored.file else ""
         ) + f"session {stored.session} of {stored.calibrated:%Y-%m-%d}"
-        dated = self.session.recorded_at is not None
+        dated = self.recorded is not None
         code = "calibration.stored" if dated else "calibration.stored_undated"
         own = [
             finding(
