@@ -128,6 +128,7 @@ def _findings() -> list[Finding]:
         found += long_functions(file, tree, complex_ones)
         found += shapeless(file, tree, bases)
         found += run_on_entries(file, tree)
+        found += bare_kernels(file, tree)
         found += free_sentences(file, tree)
     return found
 
@@ -195,6 +196,24 @@ def long_functions(
         begins = node.body[0].lineno - 2 if docstring is None else docstring.end_lineno
         if not any(lines[i].lstrip().startswith("#") for i in (above, begins)):
             yield Finding("long", file, node.lineno, f"{text} and no comment why")
+
+
+def kernels(tree: ast.AST) -> Iterator[Function]:
+    """Functions that numba compiles."""
+    for node in nodes(tree):
+        if isinstance(node, Function):
+            decorators = [d.func if isinstance(d, ast.Call) else d for d in node.decorator_list]
+            if any(last_name(decorator) == "njit" for decorator in decorators):
+                yield node
+
+
+def bare_kernels(file: Path, tree: ast.Module) -> Iterator[Finding]:
+    """Compiled functions of which no line says by a comment what it computes."""
+    rows: list[int] = []
+    for node in kernels(tree):
+        rows = rows or [0, *(row for row, _, _ in comments(file.read_text(encoding="utf-8")))]
+        if not any(node.lineno < row <= node.end_lineno for row in rows):
+            yield Finding("kernels", file, node.lineno, f"{node.name} has no comment")
 
 
 def arguments(function: Function) -> list[ast.arg]:
@@ -459,7 +478,6 @@ def measured() -> dict[str, str]:
     ]
     package = parsed(files("testbench"))
     every = {file: nodes(tree) for file, tree in package.items()}
-    nodes.cache_clear()
     functions = {
         file: [node for node in some if isinstance(node, Function)] for file, some in every.items()
     }
@@ -479,6 +497,8 @@ def measured() -> dict[str, str]:
         if isinstance(node, Function | ast.ClassDef)
     ]
     entries = sum(1 for node in documented for _ in docstring_entries(node))
+    compiled = sum(1 for tree in package.values() for _ in kernels(tree))
+    nodes.cache_clear()
     words = [file for file in package if file.parent == WORDS / "words"]
     return {
         "columns": f"{len(lines)} lines, the longest of {max(lines)} columns of {COLUMNS}",
@@ -489,6 +509,7 @@ def measured() -> dict[str, str]:
         "entries": f"{entries} entries of docstrings",
         "long": f"{sum(map(len, functions.values()))} functions, of {MOST_LINES} lines and "
         f"complexity {MOST_COMPLEX} at most where no comment says why",
+        "kernels": f"{compiled} compiled functions",
         "findings": f"{len(package) - len(words)} modules that have no words of their own",
     }
 

@@ -144,6 +144,23 @@ def test_a_long_line_is_found(tmp_path) -> None:
     assert (finding.line, finding.text) == (2, "101 columns")
 
 
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("@njit(cache=True)\ndef f(x):\n    return x\n", ["f has no comment"]),
+        ("@njit\ndef f(x):\n    # eq. 1\n    return x\n", []),
+        ("@numba.njit\ndef f(x):\n    return x  # eq. 1\n", []),
+        ("# not inside\n@njit\ndef f(x):\n    return x\n\n\n# nor here\n", ["f has no comment"]),
+        ("@njit\ndef f(x):\n    return '# in a text'\n", ["f has no comment"]),
+        ("def f(x):\n    return x\n", []),
+    ],
+)
+def test_a_kernel_without_a_comment_is_found(source, found, tmp_path) -> None:
+    file = tmp_path / "module.py"
+    file.write_text(source)
+    assert texts(house.bare_kernels(file, ast.parse(source))) == found
+
+
 LONG = "def f(x):\n" + "    x += 1\n" * 50
 COMPLEX = "def f(x):\n    return x\n"
 
