@@ -217,7 +217,7 @@ def unknown_time(sensor: str) -> str:
     """What a budget lacks where a sensor's clock could not be fitted although it moves the
     truth.
     """
-    return f"the time of sensor '{sensor}' is not known, and its motion is judged"
+    return f"the time of sensor '{sensor}' is not known, and its motion is evaluated"
 
 
 @dataclass(frozen=True)

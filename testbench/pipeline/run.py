@@ -57,7 +57,9 @@ def run(asked: Request, watcher: Watcher | None = None, prepared: Prepared | Non
     try:
         return analyse(session, prepared.analysis, prepared.plan)
     except BenchError as error:
-        error.add_note(f"the recording is whole; judge it again: testbench report {session.path}")
+        error.add_note(
+            f"the recording is whole; evaluate it again: testbench report {session.path}"
+        )
         raise
 
 

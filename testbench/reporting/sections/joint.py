@@ -114,7 +114,7 @@ def joint_section(
         filters = list(dict.fromkeys(row.filter for row in rows))
         section.blocks += relative_heading_blocks(evaluation, joint, filters, colours, spans)
     if not joints:
-        section.blocks.append(Sentence("No joint angle was judged in this session."))
+        section.blocks.append(Sentence("No joint angle was evaluated in this session."))
     return section
 
 
@@ -220,7 +220,7 @@ def _by_angle(joint: str, evaluation: Evaluation) -> list[Block]:
         f"Errors of {joint} by angle",
         header("filter", "sequence", "angle", "samples", *titles, numbers_from=3),
         body,
-        "How to read: each angle by itself, over all that is judged. RMS e holds all that is "
+        "How to read: each angle by itself, over all that is evaluated. RMS e holds all that is "
         "constant in the error, such as a zero that another pose or definition gave the truth; "
         "the column beside it is without the mean. The range is that of the true angle.",
     )
@@ -573,7 +573,7 @@ def _time_blocks(
         Figures(
             f"Signed flexion error over time: {joint}",
             {f"signed flexion error of {joint} over time": figure},
-            "How to read: estimated minus true flexion, only where it is judged; gaps are moves "
+            "How to read: estimated minus true flexion, only where it is evaluated; gaps are moves "
             "and calibration. Long recordings show the lowest and highest error of each short "
             f"span, so no peak is lost. Dotted lines begin a section.{hidden_names(far)}",
         )

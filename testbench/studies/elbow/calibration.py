@@ -78,8 +78,8 @@ def calibration_table(session: Session, check: Session, published: PublishedResu
         "fitted",
         (*(f"|bias| {a} [mg]" for a in AXES), *(f"sd {a} [mg]" for a in AXES), "worst |bias| [mg]"),
         tuple(rows),
-        "How to read: fitted to the three poses (2D) or six (3D) of the protocol, judged by eight "
-        "others. The worst is that of all axes, of our 2D method that of the two axes of the "
+        "How to read: fitted to the three poses (2D) or six (3D) of the protocol, evaluated by "
+        "eight others. The worst is that of all axes, of our 2D method that of the two axes of the "
         "plane. The standard deviation is that of single readings.",
         CALIBRATION_WHY,
         "5.4 and 5.5",

@@ -47,7 +47,7 @@ TEMPLATES = {
     ),
     "recording.long": Template(
         NOTE,
-        "a long recording: its estimates are kept, and judged, at one of {every} samples",
+        "a long recording: its estimates are kept, and evaluated, at one of {every} samples",
     ),
     "axes.quaternion": Template(
         WARNING, "its quaternion fits the motion only when read as {reading}"
