@@ -12,6 +12,7 @@ from testbench.model import rotation
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding, Severity
 from testbench.records.results.calibration_file import SensorCalibration, find_calibration
+from testbench.records.session.manifest import SensorRecord
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.session import Session
 
@@ -22,21 +23,21 @@ class StoredCalibrations:
 
     Attributes:
         place: Folder of the session, for messages.
-        tags: What each sensor calls itself, by its name; None where it does not.
+        sensors: What is known of each sensor, by its name.
         recorded: When the samples were taken; None where nobody knows.
         given: Each sensor takes its own that is nearest in time.
     """
 
     place: Path
-    tags: Mapping[str, str | None]
+    sensors: Mapping[str, SensorRecord]
     recorded: datetime | None
     given: list[SensorCalibration] = field(default_factory=list)
 
     @staticmethod
     def among(given: list[SensorCalibration], session: Session) -> StoredCalibrations:
         """Those of them that are of the sensors of a session."""
-        tags = {name: own.device_tag for name, own in session.manifest.sensors.items()}
-        return StoredCalibrations(session.path, tags, session.recorded_at, given)
+        sensors = session.manifest.sensors
+        return StoredCalibrations(session.path, sensors, session.recorded_at, given)
 
     def check(self) -> None:
         """Refuse calibrations of which not one is of a sensor of this session.
@@ -44,12 +45,12 @@ class StoredCalibrations:
         Raises:
             InputError: Names whose calibrations there are, and the session's sensors.
         """
-        if not self.given or any(self.of(name) for name in self.tags):
+        if not self.given or any(self.of(name) for name in self.sensors):
             return
         whose = ", ".join(
             sorted({f"'{c.sensor}'" + (f" ({c.device})" if c.device else "") for c in self.given})
         )
-        names = ", ".join(self.tags)
+        names = ", ".join(self.sensors)
         raise InputError(
             f"{self.place}: none of its sensors ({names}) has a stored calibration; there "
             f"are those of {whose}"
@@ -61,14 +62,15 @@ class StoredCalibrations:
         Raises:
             InputError: Several fit, and without a date none is nearest.
         """
-        return find_calibration(self.given, sensor, self.tags[sensor], self.recorded)
+        tag = self.sensors[sensor].device_tag
+        return find_calibration(self.given, sensor, tag, self.recorded)
 
     def findings(self, sensor: str) -> list[Finding]:
         """What a reader must know of the correction of a sensor's raw samples."""
         stored = self.of(sensor)
         if stored is None:
             return [finding("calibration.none_of_this_sensor")] if self.given else []
-        tag = self.tags[sensor]
+        tag = self.sensors[sensor].device_tag
         same = (
             f"of the same device, {tag}"
             if tag and stored.device == tag
