@@ -499,7 +499,7 @@ def measured() -> dict[str, str]:
     entries = sum(1 for node in documented for _ in docstring_entries(node))
     compiled = sum(1 for tree in package.values() for _ in kernels(tree))
     nodes.cache_clear()
-    words = [file for file in package if file.parent == WORDS / "words"]
+    words = [file for file in package if file.parent == WORDS / "templates"]
     return {
         "columns": f"{len(lines)} lines, the longest of {max(lines)} columns of {COLUMNS}",
         "arguments": f"{len(taken)} functions outside cli/, the most of {max(taken)} arguments of "

@@ -28,8 +28,8 @@ from testbench.estimation.calibration.methods import Method
 from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.poses import SETTLING_UT, StaticPoses
 from testbench.estimation.calibration.prepared import Prepared
+from testbench.estimation.calibration.temperature import Function
 from testbench.estimation.calibration.turns import GyroscopeRecording
-from testbench.estimation.calibration.warming import Function
 from testbench.frames import NANOSECONDS
 from testbench.model.statistics.least_squares import PoorExcitation
 from testbench.model.statistics.linear import SURPRISING as BIRGE_BEYOND

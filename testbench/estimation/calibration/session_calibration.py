@@ -38,8 +38,8 @@ from testbench.estimation.calibration.prepared import Prepared, Segmentation, pr
 from testbench.estimation.calibration.recording import CalibrationRecording
 from testbench.estimation.calibration.session_mounting import find_mounting
 from testbench.estimation.calibration.shared_frame import take_mounting_out
+from testbench.estimation.calibration.temperature import Function, with_drift
 from testbench.estimation.calibration.validation import cross_validate, validate
-from testbench.estimation.calibration.warming import Function, with_drift
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS
 from testbench.model.statistics.least_squares import PoorExcitation

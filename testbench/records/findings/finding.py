@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from testbench.records.findings.words.severity import Severity
+from testbench.records.findings.templates.severity import Severity
 
 __all__ = ["Finding", "Severity", "Value", "told_once"]
 
