@@ -18,13 +18,13 @@ from testbench.drivers.arms.entry import (
     WantedArm,
 )
 from testbench.drivers.arms.remedies import UR_REMEDIES, XARM_REMEDIES
-from testbench.drivers.session_time import SessionTime, Speed, VirtualTime
 from testbench.exceptions import InputError, NotFoundError
 from testbench.records.session.arm_record import MODEL, RECORDED_MOTION, SIMULATED
 
 if TYPE_CHECKING:
     from testbench.clock import Clock
     from testbench.drivers.arms.base import SteppingArm
+    from testbench.drivers.session_time import SessionTime, Speed
     from testbench.records.session.plan import Plan
 
 SIM = ArmEntry(
@@ -129,6 +129,8 @@ def session_time(name: str, clock: Clock, speed: Speed, known_ns: int = 0) -> Se
     Raises:
         NotFoundError: There is no such driver.
     """
+    from testbench.drivers.session_time import SessionTime, VirtualTime
+
     return VirtualTime(clock, speed, known_ns) if find_arm(name).virtual else SessionTime(clock)
 
 
