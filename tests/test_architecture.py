@@ -447,6 +447,7 @@ def test_the_search_for_sleeps_finds_them(source: str, found: int) -> None:
 TESTS_ALONE = {
     "readinto": "asked for by the buffered reader of the standard library",
     "replay_arm": "named in the catalogue of arms as module:function",
+    "simulated_arm": "named in the catalogue of arms as module:function",
     "ur_arm": "named in the catalogue of arms as module:function",
     "xarm_arm": "named in the catalogue of arms as module:function",
     "make_server": "named in the catalogue of emulated controllers as module:function",
