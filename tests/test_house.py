@@ -19,6 +19,20 @@ def test_no_room_breaks_a_rule() -> None:
     assert not found, "\n".join(map(str, found))
 
 
+def test_the_script_prints_what_it_measured_whether_anything_is_broken_or_not(
+    monkeypatch, capsys
+) -> None:
+    broken = house.Finding("columns", FILE, 3, "101 columns")
+    monkeypatch.setattr(house, "measured", lambda: {"columns": "7 lines", "shapes": "2 arrays"})
+    monkeypatch.setattr(house, "findings", list)
+    assert house.main([])
+    assert capsys.readouterr().out == "columns: 7 lines: 0 broken\nshapes: 2 arrays: 0 broken\n"
+    monkeypatch.setattr(house, "findings", lambda: [broken])
+    assert not house.main([])
+    assert "columns: 7 lines: 1 broken {'room': 1}" in capsys.readouterr().out
+    assert house.main(["another room"])
+
+
 def texts(found) -> list[str]:
     return [finding.text for finding in found]
 
