@@ -170,9 +170,9 @@ def differences(session: Session, plan: Plan, sensors: Mapping[str, SensorRecord
         found.append("the robot's URDF differs")
     known = session.manifest.sensors
     for name in sorted(set(known) | set(sensors)):
-        before, now = (each[name].identity() if name in each else None for each in (known, sensors))
-        if before != now:
-            found.append(f"sensor {name} differs: {before} before, {now} now")
+        was, now = (each[name].identity() if name in each else None for each in (known, sensors))
+        if was != now:
+            found.append(f"sensor {name} differs: {was} before, {now} now")
     software = session.manifest.software
     changed = {
         key: (software.get(key), value)
