@@ -70,7 +70,8 @@ def test_any_arm_in_virtual_time_completes_its_session_as_it_began(tiny, tmp_pat
     going = going_on(session.path, arm=twin)
     with pytest.raises(InputError, match="--seed needs a new run"):
         prepare(going_on(session.path, arm=twin, seed=6))
-    assert resume_line(going, session.path) == f"testbench run --resume {session.path} --arm twin"
+    line = f"testbench run --resume {session.path} --arm twin --no-report"
+    assert resume_line(going, session.path) == line
     done = run(going, Watcher(FakeClock())).session
     assert (done.path, done.manifest.arm.driver, done.manifest.seed) == (session.path, "twin", 5)
     simulated = run(run_of(tiny, seed=5, logs=tmp_path / "sim"), Watcher(FakeClock())).session
