@@ -93,7 +93,7 @@ def test_what_was_not_ranked_is_said():
     unranked = replace(judged({}), ranking=[])
     knee, shank = joint_and_sensor(unranked)
     assert knee.value == "3.21 to 5.00" and shank.value == "5.00 to 24.00"
-    assert knee.detail.startswith("3 filters, too little was judged to rank them")
+    assert knee.detail.startswith("3 filters, too little was evaluated to rank them")
     drifted, _ = joint_and_sensor(judged({}, left_out=("gyro",)))
     assert (
         "best: vqf_6d, by RMS total error 5.00 deg against 24.00 deg; not ranked: gyro"

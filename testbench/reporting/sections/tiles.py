@@ -101,7 +101,7 @@ def _leaders(
         and row.filter in filters
     ]
     if len(ranked) < 2:
-        return _Leaders(filters, f"{len(filters)} filters, too little was judged to rank them")
+        return _Leaders(filters, f"{len(filters)} filters, too little was evaluated to rank them")
     first = min(ranked, key=lambda row: row.value)
     alike: list[RankRow] = [
         row for row in ranked if row is first or row.filter in first.no_difference
