@@ -73,7 +73,7 @@ format: setup ## Format the code and apply the linter's safe fixes
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
 
-bench: setup ## Time the hot paths
+bench: setup ## Time the hot paths; fails where a bar of speed or size is missed
 	$(BIN)/python -m tests.benchmarks
 
 long: setup ## Ask by the hundred what the tests ask a few times; stopped, it goes on where it was

@@ -1,5 +1,5 @@
-"""What the source promises and no linter looks at: `python -m tests.house [room]` prints what is
-broken, rule by rule, and how often in each room.
+"""What the source promises and no linter looks at: `python -m tests.house [room]` prints what it
+measured and what is broken, rule by rule, and how often in each room; it fails where something is.
 """
 
 from __future__ import annotations
@@ -128,6 +128,7 @@ def _findings() -> list[Finding]:
         found += long_functions(file, tree, complex_ones)
         found += shapeless(file, tree, bases)
         found += run_on_entries(file, tree)
+        found += bare_kernels(file, tree)
         found += free_sentences(file, tree)
     return found
 
@@ -197,6 +198,24 @@ def long_functions(
             yield Finding("long", file, node.lineno, f"{text} and no comment why")
 
 
+def kernels(tree: ast.AST) -> Iterator[Function]:
+    """Functions that numba compiles."""
+    for node in nodes(tree):
+        if isinstance(node, Function):
+            decorators = [d.func if isinstance(d, ast.Call) else d for d in node.decorator_list]
+            if any(last_name(decorator) == "njit" for decorator in decorators):
+                yield node
+
+
+def bare_kernels(file: Path, tree: ast.Module) -> Iterator[Finding]:
+    """Compiled functions of which no line says by a comment what it computes."""
+    rows: list[int] = []
+    for node in kernels(tree):
+        rows = rows or [0, *(row for row, _, _ in comments(file.read_text(encoding="utf-8")))]
+        if not any(node.lineno < row <= node.end_lineno for row in rows):
+            yield Finding("kernels", file, node.lineno, f"{node.name} has no comment")
+
+
 def arguments(function: Function) -> list[ast.arg]:
     """What a caller gives: `self` and `cls` are left out, `*args` is one argument."""
     given = function.args
@@ -207,7 +226,9 @@ def arguments(function: Function) -> list[ast.arg]:
 
 
 def circles(package: dict[Path, ast.Module]) -> Iterator[Finding]:
-    """Modules that import one another, be it by way of others, for types only or in a function."""
+    """Modules, and folders, that import one another, be it by way of others, for types only or in a
+    function.
+    """
     modules = {module_name(file): file for file in package}
     imports = {
         name: sorted(imported(package[file], modules.keys()) - {name})
@@ -216,6 +237,32 @@ def circles(package: dict[Path, ast.Module]) -> Iterator[Finding]:
     for circle in connected(imports):
         text = "import one another: " + ", ".join(circle)
         yield Finding("circles", modules[circle[0]], 1, text)
+    for circle in connected(folder_imports(imports, modules)):
+        text = "folders that import one another: " + ", ".join(circle)
+        yield Finding("circles", ROOT / circle[0] / "__init__.py", 1, text)
+
+
+def folder_imports(imports: dict[str, list[str]], modules: dict[str, Path]) -> dict[str, list[str]]:
+    """From each folder to those whose modules are imported by the ones that lie in it.
+
+    What a folder opens its door to (`__init__.py`) is no arrow of its own: doors name what is
+    inside. The modules beside the rooms are what every room stands on, and no folder.
+
+    Args:
+        imports: From each module to those that it imports.
+        modules: Where each lies.
+    """
+    found: dict[str, set[str]] = {}
+    for name, others in imports.items():
+        if modules[name].name == "__init__.py":
+            continue
+        own, top = modules[name].parent, ROOT / "testbench"
+        for folder in {own, *(modules[other].parent for other in others)} - {top}:
+            arrows = found.setdefault(str(folder.relative_to(ROOT)), set())
+            if folder == own:
+                reached = {modules[other].parent for other in others} - {own, top}
+                arrows |= {str(each.relative_to(ROOT)) for each in reached}
+    return {folder: sorted(arrows) for folder, arrows in found.items()}
 
 
 def module_name(file: Path) -> str:
@@ -264,13 +311,22 @@ def connected(arrows: dict[str, list[str]]) -> list[list[str]]:
 
 def shapeless(file: Path, tree: ast.Module, bases: Bases) -> Iterator[Finding]:
     """Array arguments of public functions whose entry in the docstring states no shape."""
+    for name, arg, entry in array_arguments(tree, bases):
+        if "shape" not in entry.lower():
+            yield Finding("shapes", file, arg.lineno, f"{name}: {arg.arg} has no shape")
+
+
+def array_arguments(tree: ast.Module, bases: Bases) -> Iterator[tuple[str, ast.arg, str]]:
+    """Each array that a public function takes: name of the function, argument, and its entry in the
+    docstring.
+    """
     for owner, function in public_functions(tree.body):
         own = described(owner, function, bases)
         entries = {e.name.lstrip("*"): e.text for e in own if e.section == "Args"}
         for arg in arguments(function):
-            if is_array(arg.annotation) and "shape" not in entries.get(arg.arg, "").lower():
+            if is_array(arg.annotation):
                 name = f"{owner.name}.{function.name}" if owner else function.name
-                yield Finding("shapes", file, arg.lineno, f"{name}: {arg.arg} has no shape")
+                yield name, arg, entries.get(arg.arg, "")
 
 
 def public_functions(body: list[ast.stmt]) -> Iterator[tuple[ast.ClassDef | None, Function]]:
@@ -413,13 +469,64 @@ def counts(found: list[Finding]) -> dict[str, Counter[str]]:
     return rules
 
 
+def measured() -> dict[str, str]:
+    """What each rule looks at, and how near the worst of it comes to its limit."""
+    lines = [
+        len(line)
+        for file in files(*FOLDERS)
+        for line in file.read_text(encoding="utf-8").splitlines()
+    ]
+    package = parsed(files("testbench"))
+    every = {file: nodes(tree) for file, tree in package.items()}
+    functions = {
+        file: [node for node in some if isinstance(node, Function)] for file, some in every.items()
+    }
+    cli = ROOT / "testbench" / "cli"
+    taken = [
+        len(arguments(node))
+        for file, some in functions.items()
+        if not file.is_relative_to(cli)
+        for node in some
+    ]
+    bases = classes(package.values())
+    arrays = sum(1 for tree in package.values() for _ in array_arguments(tree, bases))
+    documented = [
+        node
+        for some in every.values()
+        for node in some
+        if isinstance(node, Function | ast.ClassDef)
+    ]
+    entries = sum(1 for node in documented for _ in docstring_entries(node))
+    compiled = sum(1 for tree in package.values() for _ in kernels(tree))
+    nodes.cache_clear()
+    words = [file for file in package if file.parent == WORDS / "templates"]
+    return {
+        "columns": f"{len(lines)} lines, the longest of {max(lines)} columns of {COLUMNS}",
+        "arguments": f"{len(taken)} functions outside cli/, the most of {max(taken)} arguments of "
+        f"{MOST_ARGUMENTS}",
+        "circles": f"{len(package)} modules in {len({file.parent for file in package})} folders",
+        "shapes": f"{arrays} arrays that public functions take",
+        "entries": f"{entries} entries of docstrings",
+        "long": f"{sum(map(len, functions.values()))} functions, of {MOST_LINES} lines and "
+        f"complexity {MOST_COMPLEX} at most where no comment says why",
+        "kernels": f"{compiled} compiled functions",
+        "findings": f"{len(package) - len(words)} modules that have no words of their own",
+    }
+
+
 def main(rooms: list[str]) -> bool:
-    """Print what is broken, in some rooms or everywhere; whether nothing is."""
+    """Print what was measured, and what is broken in some rooms or everywhere; whether nothing
+    is.
+    """
     found = [finding for finding in findings() if not rooms or finding.room in rooms]
     for finding in found:
         print(f"{finding.rule:9s} {finding}")
-    for rule, of_room in counts(found).items():
-        print(f"{rule}: {of_room.total()}", dict(sorted(of_room.items())))
+    broken = counts(found)
+    for rule, text in measured().items():
+        of_room = broken.get(rule, Counter())
+        where = f" {dict(sorted(of_room.items()))}" if of_room else ""
+        print(f"{rule}: {text}: {of_room.total()} broken{where}")
+    assert set(broken) <= set(measured()), "a rule of which nobody says what it looks at"
     return not found
 
 

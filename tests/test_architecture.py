@@ -323,32 +323,131 @@ def test_the_search_for_clocks_and_random_state_finds_them(
 
 
 SLEEPERS = {
+    "drivers/fake_dots.py": "the loop of asyncio that a Bluetooth library runs on",
     "drivers/test_serial_line.py": "a pseudo-terminal",
     "execution/test_record.py": "a pseudo-terminal",
     "emulated_arms.py": "makers' client libraries",
+    "lock_step/link.py": "waits on the virtual clock",
+    "lock_step/serial_board.py": "waits on the virtual clock",
+    "system/test_manifest_keys.py": "a pseudo-terminal",
     "system/test_real_clients.py": "makers' client libraries",
 }
 """Tests that may sleep on the machine's time, and what for; everything else has a clock that a test
 moves on, such as `FakeClock` or `tests.lock_step`.
 """
+SLEEPS = {"sleep", "time.sleep", "asyncio.sleep", "signal.alarm", "signal.setitimer"}
+TIMERS = {"Timer", "call_later"}
+TIMED = {"wait_for", "join", "poll", "select"}
+"""What takes for how long it waits at most among its arguments; `wait` as its first."""
+WAITS = {"get", "put", "acquire"}
+"""What takes it by its name alone."""
+MAY_SLEEP = re.compile(
+    r"sleep|wait|timeout|alarm|setitimer|Timer|call_later|select|\.(?:join|poll)\(\s*[\d.]"
+)
+"""What stands in a file that has such a call."""
+PATIENCE_S = 5.0
+"""Whoever waits for so long waits for something that happens at once, and fails where it does not;
+shorter waits are for time to pass."""
+
+
+def sleeps(tree: ast.Module) -> Iterator[ast.Call]:
+    """Calls that let the machine's time pass: sleeps but for no time, timers, and waits for
+    something that are shorter than patience, or as long as something says that is no constant.
+    """
+    constants = {
+        target.id: number(node.value)
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+    for node in nodes(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        name, last = ast.unparse(node.func), ast.unparse(node.func).split(".")[-1]
+        given = [each.value for each in node.keywords if each.arg == "timeout"]
+        if name in SLEEPS:
+            given = [] if node.args and number(node.args[0]) == 0 else [node]
+        elif last in TIMERS or last == "wait":
+            given += node.args[:1]
+        elif last in TIMED:
+            given += [each for each in node.args if number(each) is not None]
+        elif last not in WAITS:
+            continue
+        for each in given:
+            if isinstance(each, ast.Constant) and each.value is None:
+                continue  # for ever
+            known = constants.get(each.id) if isinstance(each, ast.Name) else number(each)
+            if known is None or 0 < known < PATIENCE_S:
+                yield node
+                break
+
+
+def number(node: ast.expr) -> float | None:
+    """A number that is written as such, but for truth values; None for anything else."""
+    if isinstance(node, ast.Constant) and type(node.value) in {int, float}:
+        return float(node.value)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div | ast.Mult):
+        left, right = number(node.left), number(node.right)
+        if left is not None and right:
+            return left / right if isinstance(node.op, ast.Div) else left * right
+    return None
 
 
 def test_no_test_sleeps_on_the_machines_time_but_for_what_knows_no_other() -> None:
     tests = ROOT / "tests"
-    texts = {path: path.read_text(encoding="utf-8") for path in tests.rglob("*.py")}
     sleeping = {
         str(path.relative_to(tests))
-        for path, text in texts.items()
-        if "sleep" in text
-        for node in nodes(ast.parse(text))
-        if isinstance(node, ast.Call) and ast.unparse(node.func) in {"time.sleep", "sleep"}
+        for path in tests.rglob("*.py")
+        if MAY_SLEEP.search(text := path.read_text(encoding="utf-8"))
+        if any(True for _ in sleeps(ast.parse(text)))
     }
+    nodes.cache_clear()
     assert sleeping == set(SLEEPERS)
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("time.sleep(0.1)", 1),
+        ("sleep(seconds)", 1),
+        ("await asyncio.sleep(0.001)", 1),
+        ("asyncio.sleep(0)", 0),
+        ("clock.sleep(3.0)", 0),
+        ("threading.Timer(0.5, stop)", 1),
+        ("loop.call_later(1, stop)", 1),
+        ("ended.wait(0.01)", 1),
+        ("ended.wait(1 / 60)", 1),
+        ("ended.wait(timeout=until - now)", 1),
+        ("ended.wait()", 0),
+        ("ended.wait(timeout=None)", 0),
+        ("assert ended.wait(60)", 0),
+        ("LONG_S = 30.0\nassert ended.wait(LONG_S)", 0),
+        ("SHORT_S = 0.3\nended.wait(timeout=SHORT_S)", 1),
+        ("thread.join(0.2)", 1),
+        ("thread.join(timeout=patience)", 1),
+        ("thread.join(5)", 0),
+        ("', '.join(names)", 0),
+        ("queue.get(timeout=0.1)", 1),
+        ("table.get(key, 0)", 0),
+        ("pipe.poll(0.2)", 1),
+        ("pipe.poll()", 0),
+        ("select.select([port], [], [], 0.1)", 1),
+        ("asyncio.wait_for(answer, timeout=0.2)", 1),
+        ("asyncio.wait_for(answer, 30)", 0),
+        ("lock.acquire(timeout=1)", 1),
+        ("subprocess.run(command, timeout=1)", 0),
+    ],
+)
+def test_the_search_for_sleeps_finds_them(source: str, found: int) -> None:
+    assert len(list(sleeps(ast.parse(source)))) == found
+    assert not found or MAY_SLEEP.search(source)
 
 
 TESTS_ALONE = {
     "readinto": "asked for by the buffered reader of the standard library",
     "replay_arm": "named in the catalogue of arms as module:function",
+    "simulated_arm": "named in the catalogue of arms as module:function",
     "ur_arm": "named in the catalogue of arms as module:function",
     "xarm_arm": "named in the catalogue of arms as module:function",
     "make_server": "named in the catalogue of emulated controllers as module:function",

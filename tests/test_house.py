@@ -19,6 +19,20 @@ def test_no_room_breaks_a_rule() -> None:
     assert not found, "\n".join(map(str, found))
 
 
+def test_the_script_prints_what_it_measured_whether_anything_is_broken_or_not(
+    monkeypatch, capsys
+) -> None:
+    broken = house.Finding("columns", FILE, 3, "101 columns")
+    monkeypatch.setattr(house, "measured", lambda: {"columns": "7 lines", "shapes": "2 arrays"})
+    monkeypatch.setattr(house, "findings", list)
+    assert house.main([])
+    assert capsys.readouterr().out == "columns: 7 lines: 0 broken\nshapes: 2 arrays: 0 broken\n"
+    monkeypatch.setattr(house, "findings", lambda: [broken])
+    assert not house.main([])
+    assert "columns: 7 lines: 1 broken {'room': 1}" in capsys.readouterr().out
+    assert house.main(["another room"])
+
+
 def texts(found) -> list[str]:
     return [finding.text for finding in found]
 
@@ -55,6 +69,24 @@ def test_a_circle_of_imports_is_found_however_it_is_closed() -> None:
     (circle,) = house.circles(package)
     assert circle.text == "import one another: testbench.a, testbench.b, testbench.c"
     assert circle.room == "a"
+
+
+def test_a_circle_of_folders_is_found_where_no_modules_import_one_another() -> None:
+    sources = {
+        "units": "from testbench import exceptions",
+        "tables/__init__": "from testbench.room.door import all_of_it",
+        "tables/read": "from testbench.room.units import metre",
+        "table": "from testbench.room.tables.read import lines",
+        "door": "from testbench.room.doors.inner import x",
+        "doors/__init__": "from testbench.room.door import outer",
+        "doors/inner": "import numpy",
+    }
+    room = house.ROOT / "testbench" / "room"
+    package = {room / f"{name}.py": ast.parse(source) for name, source in sources.items()}
+    package[house.ROOT / "testbench" / "exceptions.py"] = ast.parse("")
+    (circle,) = house.circles(package)
+    assert circle.text == ("folders that import one another: testbench/room, testbench/room/tables")
+    assert circle.room == "room"
 
 
 @pytest.mark.parametrize(
@@ -124,6 +156,23 @@ def test_a_long_line_is_found(tmp_path) -> None:
     file.write_text("x" * 100 + "\n" + "x" * 101 + "\n")
     (finding,) = house.long_lines(file)
     assert (finding.line, finding.text) == (2, "101 columns")
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("@njit(cache=True)\ndef f(x):\n    return x\n", ["f has no comment"]),
+        ("@njit\ndef f(x):\n    # eq. 1\n    return x\n", []),
+        ("@numba.njit\ndef f(x):\n    return x  # eq. 1\n", []),
+        ("# not inside\n@njit\ndef f(x):\n    return x\n\n\n# nor here\n", ["f has no comment"]),
+        ("@njit\ndef f(x):\n    return '# in a text'\n", ["f has no comment"]),
+        ("def f(x):\n    return x\n", []),
+    ],
+)
+def test_a_kernel_without_a_comment_is_found(source, found, tmp_path) -> None:
+    file = tmp_path / "module.py"
+    file.write_text(source)
+    assert texts(house.bare_kernels(file, ast.parse(source))) == found
 
 
 LONG = "def f(x):\n" + "    x += 1\n" * 50

@@ -37,7 +37,7 @@ def _say_ranges(evaluation: Evaluation) -> None:
         own = [key for key in keys if key[0] == kind]
         if own:
             say_table(
-                f"Range of the {title} [deg], not judged",
+                f"Range of the {title} [deg], not evaluated",
                 [kind, "filter", "sequence", "first", "second", "third"],
                 [
                     [*key[1:], *(reached[(*key, angle)] for angle in ("first", "second", "third"))]

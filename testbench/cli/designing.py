@@ -76,21 +76,24 @@ def design(
     """Choose the poses and turns that leave a calibration least uncertain, and write them as a
     protocol.
     """
-    import numpy as np
+    from testbench.pipeline.design import design as carry_out
+    from testbench.pipeline.request import DesignRequest
 
-    from testbench.planning.designed import LEFT_OUT, design_protocol
-    from testbench.planning.experiment_design import Wanted
-
-    wanted = Wanted(
-        poses,
-        turns,
-        entries_of(joints or None),
-        criterion.value,
-        dwell,
-        float(np.radians(turn)),
+    asked = DesignRequest(
+        out=str(out),
+        robot=robot,
+        like=like,
+        sensor=sensor,
+        link=link,
+        poses=poses,
+        turns=turns,
+        joints=entries_of(joints or None),
+        criterion=criterion.value,
+        dwell_s=dwell,
+        turn_deg=turn,
         seed=seed,
     )
-    found = design_protocol(out, robot, like, sensor, wanted, link)
+    found = carry_out(asked)
     rows: list[list[Any]] = [
         [row.parameter, row.unit, row.compared, row.designed, row.ratio] for row in found.rows
     ]
@@ -115,5 +118,5 @@ def design(
         rows,
     )
     say(found.sentence)
-    say(LEFT_OUT)
+    say(found.remark)
     say(f"written: {out}, {found.plan.duration:.0f} s on {found.plan.robot.name}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from testbench.cli.output import say
-from testbench.emulation.catalogue import EMULATED, EmulatedArm
+from testbench.emulation.catalogue import EMULATED, EmulatedArm, emulated
 
 if TYPE_CHECKING:
     from testbench.emulation.server import Server
@@ -51,9 +51,19 @@ def _command(arm: EmulatedArm) -> Callable[..., None]:
     """The function of a command whose options are those of every controller and the arm's own."""
 
     def serve(**given: Any) -> None:
-        given["at_deg"] = _angles(given.pop("at"))
-        server = arm.server(given)
-        say(f"{given['model']} emulated at {server.address}: {server.open_ports}; Ctrl-C ends it")
+        from testbench.emulation.request import EmulationRequest
+
+        asked = EmulationRequest(
+            arm=arm.name,
+            model=given["model"],
+            address=given["address"],
+            scenario=given["scenario"],
+            at_deg=_angles(given["at"]),
+            seed=given["seed"],
+            own={own.name: given[own.name] for own in arm.options},
+        )
+        server = emulated(asked, given["token"])
+        say(f"{asked.model} emulated at {server.address}: {server.open_ports}; Ctrl-C ends it")
         _run(server)
 
     model = typer.Option("--model", help=f"{arm.models}.")
@@ -82,11 +92,11 @@ for _arm in EMULATED:
     emulate.command(_arm.name)(_command(_arm))
 
 
-def _angles(at: str | None) -> list[float] | None:
+def _angles(at: str | None) -> tuple[float, ...] | None:
     from testbench.exceptions import InputError
 
     try:
-        return None if at is None else [float(angle) for angle in at.split(",")]
+        return None if at is None else tuple(float(angle) for angle in at.split(","))
     except ValueError:
         raise InputError(
             f"--at {at}: must be joint angles in degrees, separated by commas"

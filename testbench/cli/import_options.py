@@ -122,7 +122,7 @@ CalibrationPosesOption = Annotated[
         "--calibration-poses",
         metavar="N",
         min=0,
-        help="The first N listed poses calibrate the sensors and are not judged.",
+        help="The first N listed poses calibrate the sensors and are not evaluated.",
     ),
 ]
 MoveOption = Annotated[

@@ -67,7 +67,7 @@ ARM_HELP = "Which arm to drive: " + ", ".join(f"{arm.name} {arm.title}" for arm 
 def run(
     protocol: Annotated[str | None, PROTOCOL] = None,
     robot: RobotOption = None,
-    arm: Annotated[ArmName, typer.Option("--arm", help=ARM_HELP)] = ArmName("sim"),
+    arm: Annotated[ArmName, typer.Option("--arm", help=ARM_HELP)] = ArmName(SIM.name),
     host: Annotated[
         str | None, typer.Option("--host", help="Address of the arm's controller.")
     ] = None,
@@ -245,9 +245,9 @@ def resume_line(asked: Request, session: Path) -> str:
     words, arm = ["testbench", "run", "--resume", str(session)], asked.run.arm
     if asked.run.resume is not None and asked.run.protocol is not None:
         words.append(asked.run.protocol)
-    if arm.driver == SIM.name:
+    words += ["--arm", arm.driver] if arm.driver != SIM.name else []
+    if find_arm(arm.driver).virtual:  # as it began, in its own folder
         return shlex.join([*words, *analysis_words(asked.analysis)])
-    words += ["--arm", arm.driver]
     words += ["--host", arm.host] if arm.host else []
     words += ["--log", arm.log] if arm.log is not None else []
     words += ["--confirm-motion"] if find_arm(arm.driver).commanded else []

@@ -63,7 +63,7 @@ def study(
 ) -> None:
     """Run a study and write its tables and report."""
     from testbench.exceptions import InputError
-    from testbench.studies import STUDIES, get_study, references
+    from testbench.studies import STUDIES, wanted_studies
 
     if listed:
         return _say_list({study.name: study.description for study in STUDIES.values()}, json)
@@ -73,16 +73,15 @@ def study(
             f"--reproduce takes no name: {name}" if reproduce else f"which study? known: {known}"
         )
     from testbench.clock import SystemClock
+    from testbench.pipeline.request import StudyRequest
     from testbench.studies.bench import StudyBench
 
-    if reproduce and protocol is not None:
-        raise InputError(
-            "--reproduce runs the protocols of the publications and takes no --protocol"
-        )
-    bench = StudyBench(logs, SystemClock(), seed, parts, teller(json), protocol)
+    asked = StudyRequest(name=name, protocol=protocol, seed=seed, parts=parts, logs=str(logs))
+    studies = wanted_studies(asked)
+    bench = StudyBench.of(asked, SystemClock(), teller(json))
     if name is None:
-        return _reproduce(references(), bench, json)
-    kept = get_study(name).keep(bench)
+        return _reproduce(studies, bench, json)
+    kept = studies[0].keep(bench)
     if json:
         files = {"study": str(kept.folder), "report": str(kept.report)}
         say_json({**files, **kept.record.to_dict()})

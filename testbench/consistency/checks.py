@@ -13,7 +13,7 @@ from testbench.consistency.gravity import check_gravity
 from testbench.consistency.gyroscope import KINDS, check_gyroscope, gain_of
 from testbench.consistency.looked import UNKNOWN_UP, Looked, Up
 from testbench.consistency.orientation import has_orientation
-from testbench.consistency.rests import find_rests
+from testbench.consistency.still_intervals import find_rests
 from testbench.consistency.times import read_at_other_times
 from testbench.consistency.upright import check_up
 from testbench.frames import NANOSECONDS

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.consistency.angular_rate import MAPS
 from testbench.consistency.checks import check_time
 from testbench.consistency.excerpt import Excerpt, thin
 from testbench.consistency.fits import FEW_WINDOWS, Pair, is_clear
 from testbench.consistency.looked import Looked
-from testbench.consistency.rests import find_rests
-from testbench.consistency.turning import MAPS
+from testbench.consistency.still_intervals import find_rests
 from testbench.frames import NANOSECONDS
 from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples

@@ -242,6 +242,7 @@ def _means(gyr, acc, each, usual, far):  # type: ignore[no-untyped-def]
                 forces[step, k] += acc[row, k] / each if abs(acc[row, k]) < ABSURD else np.nan
             zeros += weightless and not still
             same = same + 1 if repeated else 0
+            # repeated so often, it is no measurement
             if same >= STUCK:
                 off = 0.0
                 for k in range(3):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from testbench.consistency.angular_rate import IDENTITY, MAPS, names_of
 from testbench.consistency.fits import Reading, read_against
 from testbench.consistency.looked import Looked
-from testbench.consistency.turning import IDENTITY, MAPS, names_of
 
 EARTH_FIELD_UT = (22.0, 67.0)
 """Least and most field at the surface of the earth (World Magnetic Model 2025) [uT]."""

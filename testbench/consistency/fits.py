@@ -7,10 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from testbench.consistency.excerpt import Excerpt
-from testbench.consistency.factors import DEG, LIKE, NEAR, best_factors
-from testbench.consistency.strides import find_strides
-from testbench.consistency.turning import (
+from testbench.consistency.angular_rate import (
     BINS,
     IDENTITY,
     MAPS,
@@ -19,6 +16,9 @@ from testbench.consistency.turning import (
     read_as,
     sums,
 )
+from testbench.consistency.excerpt import Excerpt
+from testbench.consistency.factors import DEG, LIKE, NEAR, best_factors
+from testbench.consistency.strides import find_strides
 
 FLOOR = 0.03
 """Scatter that says nothing, of the size of the vector: what biases and scale errors leave."""

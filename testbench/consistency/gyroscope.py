@@ -6,13 +6,13 @@ from itertools import product
 
 import numpy as np
 
+from testbench.consistency.angular_rate import IDENTITY, MAPS, names_of
 from testbench.consistency.factors import DEG, LIKE, NEAR, names_of_factor
 from testbench.consistency.fits import FEWER_WINDOWS, NEIGHBOURS, Reading, is_clear
 from testbench.consistency.gain import Gain, find_gain
 from testbench.consistency.looked import Looked
 from testbench.consistency.swings import factor_with_lever, is_explained, scatter_with_lever
 from testbench.consistency.times import FACTORS, USUAL_RATES_HZ
-from testbench.consistency.turning import IDENTITY, MAPS, names_of
 
 EXACT = 0.99
 """A scale is what it seems if turning explains this part of the scatter, whatever swings."""

@@ -8,7 +8,7 @@ from typing import Literal
 from testbench.consistency.excerpt import Excerpt
 from testbench.consistency.fits import Reading
 from testbench.consistency.gain import Gain
-from testbench.consistency.rests import Rests
+from testbench.consistency.still_intervals import Rests
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from testbench.consistency.angular_rate import Windows, are_whole
 from testbench.consistency.excerpt import Excerpt
-from testbench.consistency.turning import Windows, are_whole
 
 STILL = 0.1
 """In a stance a foot turns by less than this part of what it does in a swing (90 % quantile), ...

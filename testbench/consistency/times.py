@@ -5,7 +5,7 @@ from __future__ import annotations
 from testbench.consistency.excerpt import Excerpt
 from testbench.consistency.factors import DEG
 from testbench.consistency.fits import Reading, read_against
-from testbench.consistency.rests import find_rests
+from testbench.consistency.still_intervals import find_rests
 
 USUAL_RATES_HZ = (8.0, 4_000.0)
 """Rates that a unit of time must lead to."""

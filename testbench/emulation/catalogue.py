@@ -6,12 +6,15 @@ name where their servers are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from testbench.exceptions import NotFoundError
 
 if TYPE_CHECKING:
+    from testbench.emulation.request import EmulationRequest
     from testbench.emulation.server import Server
 
 
@@ -60,17 +63,31 @@ class EmulatedArm:
     served_by: str
     options: tuple[OwnOption, ...] = ()
 
-    def server(self, wanted: Mapping[str, Any]) -> Server:
+    def server(self, asked: EmulationRequest, token: str | None = None) -> Server:
         """A server that listens, with its arm at rest.
 
         Args:
-            wanted: Arguments of `served_by`, by name.
+            asked: What is emulated.
+            token: What clients must say first, where it listens beyond this machine.
 
         Raises:
+            NotFoundError: It has no such option.
             InputError: There is no such model, version or address.
         """
+        own = {option.name: option.default for option in self.options}
+        for name in asked.own:
+            if name not in own:
+                raise NotFoundError(f"option of the emulated {self.name}", name, list(own))
         module, _, function = self.served_by.partition(":")
-        server: Server = getattr(import_module(module), function)(**wanted)
+        server: Server = getattr(import_module(module), function)(
+            model=asked.model or self.model,
+            address=asked.address,
+            token=token,
+            at_deg=None if asked.at_deg is None else list(asked.at_deg),
+            seed=asked.seed,
+            scenario=None if asked.scenario is None else Path(asked.scenario),
+            **own | asked.own,
+        )
         return server
 
 
@@ -109,3 +126,16 @@ EMULATED = (
     ),
 )
 """In the order in which people are told of them."""
+
+
+def emulated(asked: EmulationRequest, token: str | None = None) -> Server:
+    """The server that a request asks for; see `EmulatedArm.server`.
+
+    Raises:
+        NotFoundError: There is no such controller, or it has no such option.
+        InputError: There is no such model, version or address.
+    """
+    for arm in EMULATED:
+        if arm.name == asked.arm:
+            return arm.server(asked, token)
+    raise NotFoundError("emulated controller", asked.arm, [arm.name for arm in EMULATED])

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from testbench.estimation.calibration.stored_calibration import StoredCalibrations
-from testbench.estimation.chain.session import chain_of_session
+from testbench.estimation.chain.recording import ChainRecording
+from testbench.estimation.chain.session import estimate_chain
 from testbench.estimation.filters import OrientationFilter
 from testbench.estimation.filters.tuned import Parameters, choose_tuned
 from testbench.estimation.joints.joints import estimate_joints
 from testbench.estimation.prepared_sensor import PreparedSensor, prepare_sensor, told_apart
 from testbench.estimation.signals.recording import RunFacts, SensorRecording
-from testbench.exceptions import SessionError
+from testbench.exceptions import BenchError, SessionError
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration_file import SensorCalibration
-from testbench.records.results.estimate import Estimate
+from testbench.records.results.chain import ChainEstimate
+from testbench.records.results.estimate import Estimate, SensorEstimate
 from testbench.records.results.tuning import Tuning
 from testbench.records.session.session import Session
 
@@ -49,16 +53,14 @@ def estimate(
     chosen = choose_tuned(
         filters, settings.filters, settings.filter_parameters, tunings, parameters
     )
-    stored = StoredCalibrations(session, calibrations or [])
+    stored = StoredCalibrations.among(calibrations or [], session)
     stored.check()
     run = RunFacts.of(session)
-    prepared = _prepared(stored, session.sensor_names, run)
+    prepared = _prepared(session, stored, session.sensor_names, run)
     sensors = {name: sensor.run(chosen) for name, sensor in prepared.items()}
     read = {name: sensor.read for name, sensor in prepared.items()}
     joints = estimate_joints(session.analysis.joints, run, sensors, read, chosen)
-    chain, chain_findings = (
-        chain_of_session(session, run, sensors) if settings.chain is not None else ([], [])
-    )
+    chain, chain_findings = _chain(session, run, sensors)
     used = {kind.name: kind.parameters for kind in chosen}
     given = {name: list(own) for name, own in (parameters or {}).items()}
     tuned = {tuning.filter: tuning.used_on(session, given.get(tuning.filter)) for tuning in tunings}
@@ -101,8 +103,8 @@ class PreparedSession:
             defined = self._joints.values()
             wanted = {sensor for joint in defined for sensor in (joint.proximal, joint.distal)}
         names = [name for name in session.sensor_names if name in wanted]
-        stored = StoredCalibrations(session, calibrations or [])
-        self.sensors = _prepared(stored, names, self._facts)
+        stored = StoredCalibrations.among(calibrations or [], session)
+        self.sensors = _prepared(session, stored, names, self._facts)
 
     def run(self, filters: Sequence[OrientationFilter]) -> Estimate:
         """The estimate by some filters, of the sensors and joints that were prepared."""
@@ -113,15 +115,28 @@ class PreparedSession:
         return Estimate(self._session, self._fingerprint, sensors, joints, used)
 
 
+def _chain(
+    session: Session, run: RunFacts, sensors: Mapping[str, SensorEstimate]
+) -> tuple[list[ChainEstimate], list[Finding]]:
+    """Joints by the chain filter, where the session asks for them; see `estimate_chain`."""
+    if run.settings.chain is None:
+        return [], []
+    try:
+        recording = ChainRecording.of(session, run)
+    except BenchError as error:  # the model of an import is not there, or does not fit it
+        return [], [finding("chain.not_estimated", "chain", why=str(error))]
+    return estimate_chain(recording, sensors, run.settings.chain)
+
+
 def _prepared(
-    stored: StoredCalibrations, names: Iterable[str], run: RunFacts
+    session: Session, stored: StoredCalibrations, names: Iterable[str], run: RunFacts
 ) -> dict[str, PreparedSensor]:
     """Sensors of a session, opened and prepared.
 
     Raises:
         SessionError: One has too few samples.
     """
-    session, found = stored.session, {}
+    found = {}
     for name in names:
         recording = SensorRecording.of(session, name)
         if recording.raw.count < LEAST_SAMPLES:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from testbench.evaluation.angular_rate import judged_motion, judged_swing, length_of
 from testbench.evaluation.dynamics import TrueTurning
 from testbench.evaluation.flexion import JointErrors
 from testbench.evaluation.foreign_truth import (
@@ -29,7 +30,6 @@ from testbench.evaluation.time_lines import (
     clock_source,
     group_delay_source,
 )
-from testbench.evaluation.turning import judged_motion, judged_swing, length_of
 from testbench.evaluation.uncertainty import (
     ArmSensitivity,
     alignment_source,
@@ -217,7 +217,7 @@ def unknown_time(sensor: str) -> str:
     """What a budget lacks where a sensor's clock could not be fitted although it moves the
     truth.
     """
-    return f"the time of sensor '{sensor}' is not known, and its motion is judged"
+    return f"the time of sensor '{sensor}' is not known, and its motion is evaluated"
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from testbench.model.statistics.memory import ErrorSeries, intervals
 from testbench.records.results.evaluation_rows import ErrorSummary
 
-TOO_SHORT = "not known from this session: too few samples were judged"
+TOO_SHORT = "not known from this session: too few samples were evaluated"
 
 
 def with_intervals(summary: ErrorSummary, series: ErrorSeries | None) -> ErrorSummary:

@@ -247,6 +247,7 @@ def _sums_by_cluster(
     for i in range(len(error)):
         if usable[i]:
             for axis in range(3):
+                # numerator and denominator of the delay, sum e' w / sum w' w
                 products[cluster[place]] += error[i, axis] * rate[i, axis]
                 squares[cluster[place]] += rate[i, axis] ** 2
             place += 1
@@ -356,6 +357,7 @@ def _noise(signal: np.ndarray) -> float:
     n = len(signal)
     place = np.arange(n) - (n - 1) / 2
     level = signal.mean()
+    # least squares: sum t (y - mean) / sum t^2, with t counted from the middle
     slope = np.sum(place * (signal - level)) / np.sum(place**2)
     return np.sqrt(np.mean((signal - level - slope * place) ** 2))
 
@@ -375,9 +377,11 @@ def _settled_after(
         n = len(signal)
         if n < 8 or not np.isfinite(signal).all():
             continue
+        # the end: mean of the last quarter
         settled = signal[n - n // 4 :].mean()
         band = max(least_band, 3 * _noise(signal[n // 2 :]))
         outside = -1
+        # the last sample outside the band
         for k in range(n):
             if abs(signal[k] - settled) > band:
                 outside = k

@@ -47,7 +47,7 @@ from testbench.evaluation.unjudged import (
 )
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.reference_step import reference_warning
-from testbench.records.disk.near import Instants, united
+from testbench.records.disk.neighbouring_rows import Instants, united
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import Estimate

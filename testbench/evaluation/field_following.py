@@ -127,6 +127,7 @@ def _mean_angles(angle: np.ndarray, starts: np.ndarray) -> np.ndarray:
     for i in range(len(result)):
         first, total = angle[starts[i]], 0.0
         for j in range(starts[i], starts[i + 1]):
+            # differences without whole turns, so that the mean is one across +-pi
             away = angle[j] - first
             total += away - turn * np.round(away / turn)
         result[i] = first + total / (starts[i + 1] - starts[i])

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from testbench.evaluation.angular_rate import turned_by_sensor
 from testbench.evaluation.dynamics import amplitude_and_frequency, angle_delay, convergence_times
 from testbench.evaluation.judged import rows_by_step
 from testbench.evaluation.left_out import left_out
 from testbench.evaluation.metrics import Summary, correlation, summarise_each
-from testbench.evaluation.turning import turned_by_sensor
 from testbench.model import rotation
 from testbench.model.joint_angle import (
     INDEX,

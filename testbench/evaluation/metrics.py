@@ -46,17 +46,21 @@ def _error_angles(q: np.ndarray, p: np.ndarray) -> np.ndarray:
     """`rotation.angle`, `heading_angle` and `inclination_angle` of q conj(p), shape (3, n)."""
     angles = np.empty((3, len(q)))
     for i in range(len(q)):
+        # q conj(p)
         w, x, y, z = rotation.product(
             (q[i, 0], q[i, 1], q[i, 2], q[i, 3]), (p[i, 0], -p[i, 1], -p[i, 2], -p[i, 3])
         )
         level2 = x * x + y * y
+        # as `rotation.angle`: 2 atan2(|v|, |w|)
         angles[0, i] = 2.0 * np.arctan2(np.sqrt(level2 + z * z), abs(w))
+        # as `rotation.heading_angle`, the twist about the vertical (Laidig & Seel 2023)
         heading = 2.0 * np.arctan2(z, w)
         if heading >= np.pi:
             heading -= 2.0 * np.pi
         elif heading < -np.pi:
             heading += 2.0 * np.pi
         angles[1, i] = heading
+        # as `rotation.inclination_angle`, what remains
         angles[2, i] = 2.0 * np.arctan2(np.sqrt(level2), np.sqrt(w * w + z * z))
     return angles
 
@@ -166,6 +170,7 @@ def _summaries(
             spread += (error - mean) ** 2
             magnitude += abs(error)
             largest = max(largest, abs(error))
+        # mean, mean magnitude, sd (n - 1), RMS, largest; then the quantiles
         result[i, 0] = mean
         result[i, 1] = magnitude / n
         result[i, 2] = np.sqrt(spread / (n - 1)) if n > 1 else 0.0
@@ -180,6 +185,7 @@ def _summaries(
 
 @njit(cache=True)
 def _quantile(ordered: np.ndarray, share: float) -> float:
+    # type 7 of Hyndman & Fan 1996: between the two ordered values about share (n - 1)
     place = share * (len(ordered) - 1)
     low = int(place)
     high = min(low + 1, len(ordered) - 1)
@@ -220,6 +226,7 @@ def _moments(a: np.ndarray, b: np.ndarray) -> tuple[float, float, float]:
         aa += x * x
         bb += y * y
         ab += x * y
+    # over n
     return aa / len(a), bb / len(a), ab / len(a)
 
 
@@ -239,11 +246,13 @@ def unwrapped_pair(estimated: np.ndarray, true: np.ndarray) -> tuple[np.ndarray,
     near, smooth = np.empty(len(true)), np.empty(len(true))
     offset = 0.0
     for i in range(len(true)):
+        # the true angle goes on without jumps
         if i > 0:
             step = true[i] - true[i - 1]
             if abs(step) > np.pi:
                 offset -= turn * np.round(step / turn)
         smooth[i] = true[i] + offset
+        # the estimated one, give or take whole turns, nearest to it
         error = estimated[i] - smooth[i]
         near[i] = smooth[i] + error - turn * np.round(error / turn)
     return near, smooth

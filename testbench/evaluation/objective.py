@@ -165,7 +165,7 @@ class SessionJudge:
                     self._sensors.append(found)
         if not self._sensors and not self._joints:
             raise SessionError(
-                f"{session.path}: no sample counts for {objective}: nothing is judged, or the "
+                f"{session.path}: no sample counts for {objective}: nothing is evaluated, or the "
                 f"truth is not known{_of_angles(session, objective)}"
             )
 

@@ -147,7 +147,7 @@ def clock_source(sensor: str, clock: ClockFit, motion: JudgedMotion) -> Uncertai
             1e3 * clock.offset_sd_s,
             "ms",
             "the clock's fit; the sensitivity is the true angular rate that this sensor makes "
-            "while it is judged",
+            "while it is evaluated",
         ).source(abs(motion.mean_rate) * 1e-3, motion.rms_rate * 1e-3)
     if clock.method == "none":
         rates = motion.mean_rate * 1e-3, motion.rms_rate * 1e-3
@@ -159,7 +159,7 @@ def clock_source(sensor: str, clock: ClockFit, motion: JudgedMotion) -> Uncertai
         "A",
         motion.swing / 2,
         "deg",
-        "not known, but the sensor stands still while it is judged: half of what it moves by",
+        "not known, but the sensor stands still while it is evaluated: half of what it moves by",
         distribution="rectangular",
     ).source(1.0, 1.0)
 

@@ -273,6 +273,7 @@ def _variances_of_means(values: np.ndarray, first: np.ndarray, last: np.ndarray)
             mean = 0.0
             for row in range(first[i], last[i]):
                 mean += values[row, j] / n
+            # s^2 / n: variance of a mean (JCGM 100:2008, eq. 5)
             for row in range(first[i], last[i]):
                 result[i, j] += (values[row, j] - mean) ** 2 / (n - 1) / n
     return result
@@ -296,6 +297,7 @@ def _mean_squares(a: np.ndarray, b: np.ndarray, first: np.ndarray, last: np.ndar
         for row in range(first[i], last[i]):
             for j in range(a.shape[1]):
                 result[i] += (a[row, j] - b[row, j]) ** 2
+        # over all rows and columns
         result[i] /= (last[i] - first[i]) * a.shape[1]
     return result
 

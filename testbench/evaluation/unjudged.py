@@ -8,7 +8,7 @@ from testbench.evaluation.angle_ranges import joint_angles, sensor_angles
 from testbench.evaluation.cycles import POINTS
 from testbench.evaluation.differences import difference_tables
 from testbench.evaluation.found_cycles import AverageCycle, Borders, average_cycle, find_borders
-from testbench.evaluation.rests import Rests, change_rows, rest_row
+from testbench.evaluation.still_intervals import Rests, change_rows, rest_row
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.joint_angle import flexion_of, unwrapped

@@ -156,11 +156,12 @@ class DeviceRecorder(Recorder):
     def _closing(self, arm: dict[str, Any]) -> dict[str, Any]:
         """What each device did, and what was not expected of it."""
         duration = self._end_ns / NANOSECONDS
-        described = self._writer.manifest.content["sensors"]
+        described = self._writer.manifest.sensors
         return {
             "duration_s": min(duration, self._duration_s or duration),
             "sensors": {
-                name: described[name] | {"statistics": self._statistics(name)} for name in self.imus
+                name: described[name].written() | {"statistics": self._statistics(name)}
+                for name in self.imus
             },
             "findings": self._findings(),
         }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -77,16 +77,21 @@ class Devices:
                 trial.stop()
 
     def stop(self) -> None:
-        """Stop all; a failure of one must not keep the others going."""
-        for imu in self.imus.values():
-            with suppress(BenchError):
-                imu.stop()
+        """Stop all; see `stop_all`."""
+        stop_all(self.imus.values())
 
     def close(self) -> None:
         """Stop all and release Bluetooth; a second call does nothing."""
         self.stop()
         if self.bluetooth is not None:
             self.bluetooth.close()
+
+
+def stop_all(imus: Iterable[Imu]) -> None:
+    """Stop sensors; a failure of one must not keep the others going."""
+    for imu in imus:
+        with suppress(BenchError):
+            imu.stop()
 
 
 def open_devices(

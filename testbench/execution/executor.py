@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from testbench.clock import SystemClock
 from testbench.drivers.arms.base import SteppingArm
+from testbench.drivers.arms.catalogue import SIM, make_arm, session_time
 from testbench.drivers.arms.entry import WantedArm
-from testbench.drivers.arms.simulated import simulated_arm
-from testbench.drivers.session_time import VirtualTime
 from testbench.execution.loop import RunLoop
 from testbench.execution.options import RunOptions
 from testbench.execution.recorder import RunRecorder, recorded_ns
 from testbench.execution.run_progress import ProgressMeter
 from testbench.execution.sensors import Sensors
+from testbench.records.session.manifest import SensorRecord
 from testbench.records.session.plan import Plan
 from testbench.records.session.session import Session
 
@@ -46,9 +45,9 @@ def execute(
         seed=options.seed if seed is None else seed,
     )
     clock = options.clock or SystemClock()
-    time = VirtualTime(clock, options.speed, recorded_ns(options.resumed))
-    arm = simulated_arm(plan, WantedArm(seed=options.seed), time)
-    return execute_on_arm(plan, arm, Sensors.simulated(plan, options.seed, arm.true_state), options)
+    time = session_time(SIM.name, clock, options.speed, recorded_ns(options.resumed))
+    arm = make_arm(SIM.name, plan, WantedArm(seed=options.seed), time)
+    return execute_on_arm(plan, arm, Sensors.simulated(plan, options.seed, arm.felt), options)
 
 
 def execute_on_arm(
@@ -84,6 +83,6 @@ def execute_on_arm(
         sensors.close()
 
 
-def simulated_sensors(plan: Plan) -> dict[str, Any]:
+def simulated_sensors(plan: Plan) -> dict[str, SensorRecord]:
     """How the manifest describes the sensors of a simulated run."""
-    return {name: imu.describe() for name, imu in Sensors.simulated(plan, 0).imus.items()}
+    return Sensors.simulated(plan, 0).described()

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import difflib
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from testbench.exceptions import InputError, SessionError
 from testbench.execution.recovery import recover
-from testbench.records.disk.json_file import plain_values
 from testbench.records.session.layout import INCLUDED, MANIFEST, PROTOCOL, ROBOT, URDF
+from testbench.records.session.manifest import SensorRecord
 from testbench.records.session.plan import Plan, PlannedStep
 from testbench.records.session.session import RunStatus, Session
 from testbench.records.session.session_writer import deciding_versions, software_versions
@@ -140,13 +139,13 @@ def stored_robot(session: Session) -> Robot:
     return robot_from_text(session.path / ROBOT, robot.urdf)
 
 
-def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[str]:
+def differences(session: Session, plan: Plan, sensors: Mapping[str, SensorRecord]) -> list[str]:
     """What is not as it was when the session began, with the lines that differ; empty if nothing.
 
     Args:
         session: To go on with.
         plan: Made anew, with today's software.
-        sensors: Descriptions of today's sensors.
+        sensors: Today's.
     """
     found: list[str] = []
     own, named = (
@@ -169,11 +168,11 @@ def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[s
         encoding="utf-8"
     ):
         found.append("the robot's URDF differs")
-    known = session.manifest.content["sensors"]
+    known = session.manifest.sensors
     for name in sorted(set(known) | set(sensors)):
-        before, now = known.get(name), plain_values(sensors.get(name))
-        if _identity(before) != _identity(now):
-            found.append(f"sensor {name} differs: {_identity(before)} before, {_identity(now)} now")
+        was, now = (each[name].identity() if name in each else None for each in (known, sensors))
+        if was != now:
+            found.append(f"sensor {name} differs: {was} before, {now} now")
     software = session.manifest.software
     changed = {
         key: (software.get(key), value)
@@ -189,7 +188,7 @@ def differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> list[s
     return found
 
 
-def refuse_differences(session: Session, plan: Plan, sensors: dict[str, Any]) -> None:
+def refuse_differences(session: Session, plan: Plan, sensors: Mapping[str, SensorRecord]) -> None:
     """Refuse to go on with another bench than the one that began.
 
     Raises:
@@ -214,16 +213,6 @@ def _todays_robot(session: Session) -> Robot | None:
         return load_robot(Path(named.file) if named.file else str(named.name))
     except InputError:
         return None
-
-
-def _identity(described: Any) -> Any:
-    """What must not change of a sensor: not what it counted, and not how full its battery is."""
-    passing = {"statistics", "battery_percent", "rssi_dbm"}
-    return (
-        {key: value for key, value in described.items() if key not in passing}
-        if isinstance(described, dict)
-        else described
-    )
 
 
 def _difference(before: str, after: str) -> str:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from testbench.drivers.imus.base import Imu
 from testbench.drivers.imus.following import ReportedMotion
-from testbench.drivers.imus.simulated import SimulatedImu, TrueState
-from testbench.exceptions import BenchError, InputError
-from testbench.execution.devices import Devices
+from testbench.drivers.imus.simulated import SimulatedImu
+from testbench.exceptions import InputError
+from testbench.execution.devices import Devices, stop_all
 from testbench.model.kinematics import Kinematics
 from testbench.model.links import draw_link_errors
 from testbench.model.magnetic_field import describe_environment
+from testbench.records.session.manifest import SensorRecord
 from testbench.records.session.plan import Plan
 from testbench.records.session.samples import ArmSamples, ImuSamples
+from testbench.records.session.trajectory import TrueState
 
 
 @dataclass
@@ -71,6 +72,10 @@ class Sensors:
             )
         return Sensors(dict(devices.imus), devices)
 
+    def described(self) -> dict[str, SensorRecord]:
+        """What each says of itself."""
+        return {name: SensorRecord.of(imu.describe()) for name, imu in self.imus.items()}
+
     @property
     def are_simulated(self) -> bool:
         """Whether none of them is there."""
@@ -114,10 +119,8 @@ class Sensors:
         return {name: imu.read(until_ns) for name, imu in self.imus.items()}
 
     def stop(self) -> None:
-        """Stop all; a failure of one must not keep the others going."""
-        for imu in self.imus.values():
-            with suppress(BenchError):
-                imu.stop()
+        """Stop all; see `stop_all`."""
+        stop_all(self.imus.values())
 
     def close(self) -> None:
         """Release all."""

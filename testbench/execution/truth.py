@@ -13,7 +13,7 @@ from testbench.exceptions import SessionError
 from testbench.frames import NANOSECONDS
 from testbench.model.joint_motion import Smoothing
 from testbench.model.kinematics import Kinematics, Pose
-from testbench.records.disk.pieces import overlapping
+from testbench.records.disk.chunks import overlapping
 from testbench.records.disk.tables import (
     parquet_shape,
     read_parquet_batches,

@@ -13,11 +13,19 @@ from pydantic import Field, field_validator, model_validator
 
 from testbench.exceptions import NotFoundError
 from testbench.formats.axes import PRESETS, AxisNames
-from testbench.formats.units import AccUnit, GyrUnit, MagUnit, TimeUnit, known_unit, unit_names
+from testbench.formats.tables.units import (
+    AccUnit,
+    GyrUnit,
+    MagUnit,
+    TimeUnit,
+    known_unit,
+    unit_names,
+)
 from testbench.records.disk.yaml_file import YamlDocument, load_yaml
 from testbench.records.specs.exclusion import Exclusion
 from testbench.records.specs.protocol import BodyJoint, Estimation, Segment
 from testbench.records.specs.segment_alignment import SegmentAlignment
+from testbench.records.specs.shipped import shipped_names
 from testbench.records.specs.strict import Name, Placement, StrictModel
 
 Column = Annotated[
@@ -412,4 +420,4 @@ def find_mapping(name: str) -> YamlDocument[MappingSpec]:
 
 def list_mappings() -> list[str]:
     """Names of the mappings that ship with the bench."""
-    return sorted(path.stem for path in MAPPINGS.glob("*.yaml"))
+    return shipped_names(MAPPINGS)

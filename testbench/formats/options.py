@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from testbench.exceptions import InputError, NotFoundError
-from testbench.formats.units import QUANTITIES, Unit, find_unit
+from testbench.formats.tables.units import QUANTITIES, Unit, find_unit
 
 ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "latin-1", "cp1252")
 """Of text files, as Python knows them."""

@@ -13,7 +13,7 @@ from itertools import islice
 from testbench.consistency.evidence import Evidence, evidence_of
 from testbench.exceptions import InputError
 from testbench.formats.raw_counts import counts_hint, rate_factors
-from testbench.formats.units import Unit, find_unit, unit_names
+from testbench.formats.tables.units import Unit, find_unit, unit_names
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from testbench.consistency.evidence import Evidence
-from testbench.formats.units import find_unit, unit_names
+from testbench.formats.tables.units import find_unit, unit_names
 
 COUNTS_PER_G = (16384.0, 8192.0, 4096.0, 2048.0)
 """Ranges of 2, 4, 8 and 16 g (InvenSense PS-MPU-6000A-00 rev. 3.4, section 6.2)."""

@@ -16,7 +16,7 @@ import numpy as np
 from testbench.exceptions import FileProblems, InputError
 from testbench.formats.tables.source import Kind, Source, first_rows
 from testbench.formats.tables.timeline import LATEST_NS, RegularTime, StampedTime, Timeline
-from testbench.formats.units import SECONDS, TimeUnit, unit_names
+from testbench.formats.tables.units import SECONDS, TimeUnit, unit_names
 from testbench.frames import NANOSECONDS
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding

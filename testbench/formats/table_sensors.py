@@ -18,7 +18,7 @@ from testbench.formats.tables.recognise import Found
 from testbench.formats.tables.samples_stream import Quantities, SampleStream, measured_rate, stack
 from testbench.formats.tables.source import Columns, Kind, Source
 from testbench.formats.tables.timeline import RegularTime
-from testbench.formats.units import QUANTITIES, TimeUnit, Unit, known_unit
+from testbench.formats.tables.units import QUANTITIES, TimeUnit, Unit, known_unit
 from testbench.model import rotation
 from testbench.model.earths import Q_ENU_FROM
 from testbench.records.findings.catalogue import finding

@@ -154,6 +154,7 @@ def _mean_square_of_second_differences(phase: np.ndarray, m: int) -> float:
     count = len(phase) - 2 * m
     total = 0.0
     for i in range(count):
+        # overlapping: every start, not every m-th
         total += (phase[i + 2 * m] - 2 * phase[i + m] + phase[i]) ** 2
     return total / count
 

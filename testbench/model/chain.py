@@ -60,6 +60,7 @@ def rest(body: np.ndarray, R: np.ndarray) -> None:
         R: Overwritten, shape (3, 3).
     """
     body[:] = 0.0
+    # R = 1
     for r in range(3):
         for c in range(3):
             R[r, c] = 1.0 if r == c else 0.0
@@ -165,6 +166,7 @@ def chain_motion(
         rest(body, R)
         for j in range(rotations.shape[0]):
             k = columns[j]
+            # to the joint along the body before it, then about its axis (Featherstone 2008, ch. 4)
             reach(body, R, S, rotations[j], offsets[j])
             turn(body, R, S, axes[j], q[i, k], v[i, k], a[i, k])
         reach(body, R, S, tip_rotation, tip_offset)
@@ -214,6 +216,7 @@ def link_poses(
                 if carriers[frame] == j:
                     offset = tip_offsets[frame]
                     for r in range(3):
+                        # p + R offset
                         shift = R[r, 0] * offset[0] + R[r, 1] * offset[1] + R[r, 2] * offset[2]
                         positions[i, frame, r] = p[r] + shift
                     _product(R, tip_rotations[frame], turned[i, frame])
@@ -221,6 +224,7 @@ def link_poses(
                 break
             offset = offsets[j]
             for r in range(3):
+                # p <- p + R offset, R <- R R_joint exp(axis q)
                 p[r] += R[r, 0] * offset[0] + R[r, 1] * offset[1] + R[r, 2] * offset[2]
             _product(R, rotations[j], S)
             _turned(S, axes[j], q[i, columns[j]], R)
@@ -232,6 +236,7 @@ def _product(A: np.ndarray, B: np.ndarray, AB: np.ndarray) -> None:
     """The product of two matrices into a third, shapes (3, 3)."""
     for r in range(3):
         for c in range(3):
+            # (AB)_rc = sum A_rk B_kc
             AB[r, c] = A[r, 0] * B[0, c] + A[r, 1] * B[1, c] + A[r, 2] * B[2, c]
 
 

@@ -71,15 +71,18 @@ def placement_slopes(
 def _turned(R: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
     """R x, filled into `out`."""
     for r in range(3):
+        # (R x)_r = sum R_rk x_k
         out[r] = R[r, 0] * x[0] + R[r, 1] * x[1] + R[r, 2] * x[2]
 
 
 @njit(cache=True, inline="always")
 def _carried(w: np.ndarray, dw: np.ndarray, d: np.ndarray, out: np.ndarray) -> None:
     """Acceleration of a point at d against its body's origin, filled into `out`."""
+    # omega x d
     x = w[1] * d[2] - w[2] * d[1]
     y = w[2] * d[0] - w[0] * d[2]
     z = w[0] * d[1] - w[1] * d[0]
+    # alpha x d + omega x (omega x d)
     out[0] = dw[1] * d[2] - dw[2] * d[1] + w[1] * z - w[2] * y
     out[1] = dw[2] * d[0] - dw[0] * d[2] + w[2] * x - w[0] * z
     out[2] = dw[0] * d[1] - dw[1] * d[0] + w[0] * y - w[1] * x

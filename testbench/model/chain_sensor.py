@@ -22,6 +22,7 @@ from testbench.model.chain import DW, A, Chain, P, Tip, U, V, W, reach, rest, tu
 
 @njit(cache=True)
 def _cross(x: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
+    # x cross y
     out[0] = x[1] * y[2] - x[2] * y[1]
     out[1] = x[2] * y[0] - x[0] * y[2]
     out[2] = x[0] * y[1] - x[1] * y[0]

@@ -297,6 +297,7 @@ def _nearest(choices: np.ndarray, periods: np.ndarray) -> np.ndarray:
             for j in range(3):
                 value = choices[k, i, j]
                 if periods[j] > 0.0:
+                    # whole periods to the angle before: the nearest of all that mean the same
                     value += periods[j] * np.round((taken[i - 1, j] - value) / periods[j])
                 candidate[j] = value
                 distance += (value - taken[i - 1, j]) ** 2

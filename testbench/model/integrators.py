@@ -244,6 +244,8 @@ def multiply_into(p: np.ndarray, q: np.ndarray, out: np.ndarray) -> None:
         q: Right factor, shape (4,).
         out: The product, shape (4,); it may be p or q.
     """
+    # (pw qw - pv . qv, pw qv + qw pv + pv x qv) (Solà, Quaternion kinematics for the error-state
+    # Kalman filter, 2017, section 1.2.2)
     w = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]
     x = p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2]
     y = p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1]
@@ -268,6 +270,7 @@ def _exponential(x: float, y: float, z: float, out: np.ndarray) -> None:
 @njit(cache=True)
 def _derivative(q: np.ndarray, w: np.ndarray, out: np.ndarray) -> None:
     """The product q (0, w) / 2."""
+    # dq/dt = q (0, w) / 2, written out
     out[0] = -0.5 * (q[1] * w[0] + q[2] * w[1] + q[3] * w[2])
     out[1] = 0.5 * (q[0] * w[0] + q[2] * w[2] - q[3] * w[1])
     out[2] = 0.5 * (q[0] * w[1] + q[3] * w[0] - q[1] * w[2])
@@ -338,6 +341,7 @@ def run_steps(
     result[0] = start
     work, s = np.empty((5, 4)), np.empty(4)
     for k in range(n):
+        # q <- q s(h w)
         step_quaternion(scheme, stages[k], h, work, s)
         multiply_into(result[k], s, result[k + 1])
         if renormalised:

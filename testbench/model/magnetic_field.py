@@ -70,12 +70,15 @@ def _add_dipoles(
             for r in range(3):
                 d[r], m[r] = position[i, r] - origin[r], moments[k, 1, r]
                 for c in range(3):
+                    # d from the dipole to the place; its moment, fixed to the link and induced
                     d[r] -= R[r, c] * places[k, c]
                     m[r] += R[r, c] * moments[k, 0, c]
                 square += d[r] * d[r]
                 along += d[r] * m[r]
+            # mu_0 / 4 pi / r^3 (Jackson, eq. 5.56), in uT
             scale = 1e6 * MU_0_OVER_4PI / (square * np.sqrt(square))
             for r in range(3):
+                # 3 n (n . m) - m with n = d / r
                 field[i, r] += scale * (3.0 * along / square * d[r] - m[r])
 
 

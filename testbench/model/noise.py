@@ -41,6 +41,7 @@ def first_order(b0: float, b1: float, a1: float, x: np.ndarray, state: np.ndarra
     y = np.empty_like(x)
     for row in range(x.shape[0]):
         for column in range(x.shape[1]):
+            # transposed direct form II (as scipy.signal.lfilter): the state holds b1 x - a1 y
             y[row, column] = state[0, column] + b0 * x[row, column]
             state[0, column] = x[row, column] * b1 - y[row, column] * a1
     return y

@@ -54,6 +54,7 @@ def _products(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     products = np.empty((n, 4))
     for row in range(n):
         a, b = p[row if len(p) > 1 else 0], q[row if len(q) > 1 else 0]
+        # p q, see `product`
         products[row, 0], products[row, 1], products[row, 2], products[row, 3] = product(
             (a[0], a[1], a[2], a[3]), (b[0], b[1], b[2], b[3])
         )
@@ -65,6 +66,8 @@ def product(p: Parts, q: Parts) -> Parts:
     """Hamilton product p q of one pair, for compiled loops."""
     pw, px, py, pz = p
     qw, qx, qy, qz = q
+    # (pw qw - pv . qv, pw qv + qw pv + pv x qv) (Solà, Quaternion kinematics for the error-state
+    # Kalman filter, 2017, section 1.2.2)
     return (
         pw * qw - px * qx - py * qy - pz * qz,
         pw * qx + px * qw + py * qz - pz * qy,
@@ -142,9 +145,11 @@ def _rotated(q: np.ndarray, x: np.ndarray) -> np.ndarray:
     for row in range(n):
         i, j = row if len(q) > 1 else 0, row if len(x) > 1 else 0
         w, a, b, c = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        # t = 2 v x x
         t0 = 2.0 * (b * x[j, 2] - c * x[j, 1])
         t1 = 2.0 * (c * x[j, 0] - a * x[j, 2])
         t2 = 2.0 * (a * x[j, 1] - b * x[j, 0])
+        # x + w t + v x t
         result[row, 0] = x[j, 0] + w * t0 + (b * t2 - c * t1)
         result[row, 1] = x[j, 1] + w * t1 + (c * t0 - a * t2)
         result[row, 2] = x[j, 2] + w * t2 + (a * t1 - b * t0)
@@ -171,6 +176,8 @@ def _matrices(q: np.ndarray) -> np.ndarray:
     for row in range(len(q)):
         w, x, y, z = unit(q[row, 0], q[row, 1], q[row, 2], q[row, 3])
         R = matrices[row]
+        # w^2 - |v|^2 on the diagonal plus 2 v_i v_j, and 2 w [v x] (Solà, Quaternion kinematics for
+        # the error-state Kalman filter, 2017, section 2)
         R[0, 0] = x * x - y * y - z * z + w * w
         R[0, 1] = 2.0 * (x * y - z * w)
         R[0, 2] = 2.0 * (x * z + y * w)
@@ -186,6 +193,7 @@ def _matrices(q: np.ndarray) -> np.ndarray:
 @njit(cache=True)
 def unit(w: float, x: float, y: float, z: float) -> tuple[float, float, float, float]:
     """A quaternion scaled to unit length, for compiled loops."""
+    # q / |q|
     length = np.sqrt(x * x + y * y + z * z + w * w)
     return w / length, x / length, y / length, z / length
 
@@ -318,6 +326,7 @@ def _rotation_vectors(q: np.ndarray) -> np.ndarray:
     """Row by row, shapes (n, 4) to (n, 3)."""
     vector = np.empty((len(q), 3))
     for row in range(len(q)):
+        # 2 log q, see `_vector`
         vector[row, 0], vector[row, 1], vector[row, 2] = _vector(
             q[row, 0], q[row, 1], q[row, 2], q[row, 3]
         )
@@ -344,6 +353,7 @@ def _turns(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Row by row, shapes (n, 4) and (n, 4) to (n, 3)."""
     vector = np.empty((len(p), 3))
     for row in range(len(p)):
+        # 2 log(q conj(p)), the turn from p to q in the frame that both are seen from
         w, x, y, z = product(
             (q[row, 0], q[row, 1], q[row, 2], q[row, 3]),
             (p[row, 0], -p[row, 1], -p[row, 2], -p[row, 3]),
@@ -355,9 +365,11 @@ def _turns(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 @njit(cache=True)
 def _vector(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
     """The rotation vector of one quaternion [rad]."""
+    # q and -q are one rotation: that of at most half a turn
     if w < 0:
         w, x, y, z = -w, -x, -y, -z
     sine = np.sqrt(x * x + y * y + z * z)
+    # 2 atan2(|v|, w) v / |v|, and its limit 2 v where v is too small to be scaled
     scale = 2.0 * np.arctan2(sine, w) / sine if sine > 1e-150 else 2.0
     return scale * x, scale * y, scale * z
 
@@ -392,6 +404,7 @@ def _from_euler(axes: np.ndarray, angles: np.ndarray) -> np.ndarray:
             half = angles[row, i] / 2.0
             turn[:] = 0.0
             turn[axes[i]] = np.sin(half)
+            # q <- q (cos a / 2, axis sin a / 2): intrinsic turns multiply on the right
             w, x, y, z = product((w, x, y, z), (np.cos(half), turn[0], turn[1], turn[2]))
         q[row, 0], q[row, 1], q[row, 2], q[row, 3] = w, x, y, z
     return q
@@ -588,10 +601,13 @@ def _slerp(times: np.ndarray, q: np.ndarray, at: np.ndarray, index: np.ndarray) 
         span = times[j] - times[i]
         u = min(max((at[row] - times[i]) / (span if span > 0 else 1), 0.0), 1.0)
         dot = q[i, 0] * q[j, 0] + q[i, 1] * q[j, 1] + q[i, 2] * q[j, 2] + q[i, 3] * q[j, 3]
+        # the shorter way round
         sign = -1.0 if dot < 0 else 1.0
         theta = np.arccos(min(abs(dot), 1.0))
         sin = np.sin(theta)
         a, b = 1 - u, u
+        # sin((1 - u) theta) / sin theta, sin(u theta) / sin theta (Shoemake 1985); straight where
+        # both are nearly one
         if sin >= 1e-6:
             a, b = np.sin((1 - u) * theta) / sin, np.sin(u * theta) / sin
         norm = 0.0

@@ -50,6 +50,7 @@ def _running_mean(longer: np.ndarray, size: int) -> np.ndarray:
     for row in range(n):
         for column in range(k):
             if row > 0:
+                # one row comes in, one goes out
                 total[column] += longer[row + size - 1, column] - longer[row - 1, column]
             means[row, column] = total[column] / size
     return means
@@ -108,6 +109,7 @@ def _weighed(signal: np.ndarray, weights: np.ndarray) -> np.ndarray:
                 sign = 1.0 if same else -1.0
                 total = signal[row, column] * weights[half]
                 for i in range(half, 0, -1):
+                    # weights that are the same or opposite on both sides: one product for two rows
                     both = signal[row - i, column] + sign * signal[row + i, column]
                     total += both * weights[half - i]
             else:

@@ -8,9 +8,7 @@ from pathlib import Path
 from testbench.clock import Clock
 from testbench.drivers.arms import catalogue
 from testbench.drivers.arms.base import SteppingArm
-from testbench.drivers.arms.catalogue import SIM
 from testbench.drivers.arms.entry import WantedArm
-from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import BenchError, InputError
 from testbench.execution.devices import open_devices
 from testbench.execution.resume import refuse_differences
@@ -20,11 +18,6 @@ from testbench.pipeline.request import RunRequest
 from testbench.pipeline.watcher import Consent
 from testbench.records.session.plan import Plan
 from testbench.records.specs.arm_calibration import load_arm_calibration
-
-
-def moves(asked: RunRequest) -> bool:
-    """Whether anything real moves, which a person must allow."""
-    return catalogue.find_arm(asked.arm.driver).commanded
 
 
 def refuse_arm(asked: RunRequest, consent: Consent) -> None:
@@ -68,7 +61,7 @@ def _given(asked: RunRequest, consent: Consent) -> set[str]:
 
 def _kept(asked: RunRequest) -> Iterator[tuple[str, str]]:
     """Options that a simulated session which goes on has settled when it began."""
-    if asked.resume is None or asked.arm.driver != SIM.name:
+    if asked.resume is None or not catalogue.find_arm(asked.arm.driver).virtual:
         return
     default = RunRequest()
     settled = {
@@ -81,14 +74,23 @@ def _kept(asked: RunRequest) -> Iterator[tuple[str, str]]:
             yield option, "a new run: a simulated session goes on as it began"
 
 
-def make_arm(plan: Plan, asked: RunRequest, clock: Clock) -> tuple[SteppingArm, Sensors]:
-    """The arm and the sensors of a run that is not simulated; nothing is connected yet.
+def make_arm(
+    plan: Plan, asked: RunRequest, clock: Clock, known_ns: int = 0
+) -> tuple[SteppingArm, Sensors]:
+    """The arm and the sensors of a run; nothing is connected yet.
+
+    Args:
+        plan: What the arm is to do.
+        asked: Arm and sensors.
+        clock: Of the session.
+        known_ns: So much a session holds already that is completed in virtual time [ns].
 
     Raises:
         InputError: No sensors, or devices that are not the protocol's.
         DriverError: An extra is missing.
     """
-    time, wanted = SessionTime(clock), asked.arm
+    wanted = asked.arm
+    time = catalogue.session_time(wanted.driver, clock, asked.speed, known_ns)
     number = (
         load_arm_calibration(Path(wanted.kinematics)).serial
         if wanted.kinematics is not None
@@ -98,8 +100,8 @@ def make_arm(plan: Plan, asked: RunRequest, clock: Clock) -> tuple[SteppingArm, 
     arm = catalogue.make_arm(
         wanted.driver, plan, WantedArm(wanted.host, log, number, asked.seed), time
     )
-    if wanted.simulate_imus:
-        return arm, Sensors.simulated(plan, asked.seed)
+    if wanted.simulate_imus or arm.entry.virtual:
+        return arm, Sensors.simulated(plan, asked.seed, arm.felt)
     if not wanted.serial and not wanted.dots:
         if not arm.entry.commanded:
             arm.connect()  # what is wrong with the log is said first
@@ -123,9 +125,8 @@ def refuse_other_sensors(prepared: Prepared, sensors: Sensors) -> None:
     """
     if prepared.resumed is None:
         return
-    today = {name: imu.describe() for name, imu in sensors.imus.items()}
     try:
-        refuse_differences(prepared.resumed, prepared.plan, today)
+        refuse_differences(prepared.resumed, prepared.plan, sensors.described())
     except BenchError:
         sensors.close()
         raise

@@ -8,49 +8,13 @@ a real arm to do is a `Consent`, given for one run and never stored. Files are n
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
-from typing import Annotated, Any, Literal
+from typing import Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import Field
 
 from testbench.drivers.arms.catalogue import SIM
-from testbench.records.specs.strict import EulerSequence, StrictModel
-
-
-def _path(given: Any) -> Any:
-    """A path as text; anything else as it is."""
-    return os.fspath(given) if isinstance(given, os.PathLike) else given
-
-
-Place = Annotated[str, BeforeValidator(_path)]
-"""A file or folder, or a name that the bench finds one by; paths may be given as `Path`."""
-
-
-class Asked(StrictModel):
-    """A part of a request.
-
-    Numbers are not judged here but where they are used, which says in its own words what is wrong
-    with them.
-    """
-
-    model_config = ConfigDict(allow_inf_nan=True)
-
-    def canonical(self) -> str:
-        """As JSON, the same text for the same content."""
-        return json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
-
-    @property
-    def key(self) -> str:
-        """SHA-256 of what is asked, hexadecimal.
-
-        Files count by their names: who keeps results by it adds the hashes of the files.
-        """
-        return hashlib.sha256(self.canonical().encode()).hexdigest()
-
-    def __hash__(self) -> int:
-        return hash(self.canonical())
+from testbench.records.specs.asked import Asked, Place
+from testbench.records.specs.strict import EulerSequence
 
 
 class ArmRequest(Asked):
@@ -306,6 +270,51 @@ class TuneRequest(Asked):
     )
     refinement: bool = Field(default=True, description="Whether Nelder-Mead follows the grid.")
     calibrations: Place | None = Field(default=None, description="As for an analysis.")
+
+
+class StudyRequest(Asked):
+    """Which question is asked of whole runs."""
+
+    name: str | None = Field(
+        default=None, description="Of the study; every one that stands for a publication if null."
+    )
+    protocol: Place | None = Field(
+        default=None, description="File, or the name of one that ships; the study's own if null."
+    )
+    seed: int = Field(default=0, ge=0, description="Of the first simulated part.")
+    parts: int = Field(default=5, ge=1, description="How many simulated parts.")
+    logs: Place = Field(
+        default="logs", description="Folder that the sessions and the study are kept in."
+    )
+
+
+class DesignRequest(Asked):
+    """A calibration to design, and the protocol that it is compared with."""
+
+    out: Place = Field(description="Protocol file to write.")
+    robot: Place = Field(description="Name, robot.yaml or URDF.")
+    like: Place = Field(
+        default="calibration_3d",
+        description="Protocol whose sensor is calibrated, and whose static poses are the "
+        "comparison.",
+    )
+    sensor: str | None = Field(
+        default=None, description="Which of its sensors; may be null where it has one."
+    )
+    link: str | None = Field(
+        default=None, description="Link that carries the sensor; that of the protocol if null."
+    )
+    poses: int = Field(default=12, description="Number of static poses.")
+    turns: int = Field(default=9, description="Number of turns there and back.")
+    joints: tuple[str, ...] | None = Field(
+        default=None, description="Joints that may move; the last three if null."
+    )
+    criterion: Literal["D", "A"] = Field(
+        default="D", description="Volume of the confidence ellipsoid, or sum of variances."
+    )
+    dwell_s: float = Field(default=5.0, description="Rest at each pose [s].")
+    turn_deg: float = Field(default=90.0, description="Amplitude of a turn [deg].")
+    seed: int = Field(default=0, ge=0, description="Of the candidate poses.")
 
 
 class RecordRequest(Asked):

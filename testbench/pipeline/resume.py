@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from testbench.drivers.arms.catalogue import SIM
+from testbench.drivers.arms.catalogue import ARMS, find_arm
 from testbench.exceptions import InputError
 from testbench.execution.resume import (
     is_own_copy,
@@ -31,12 +31,13 @@ def refuse_other_arm(asked: RunRequest) -> None:
     arm = Session(Path(str(asked.resume))).manifest.arm.record
     if arm is None:
         return  # no run: another refusal says so
-    driver = SIM.name if arm.simulated else arm.driver
-    if asked.arm.driver == SIM.name and not arm.simulated:
-        raise InputError(
-            f"{asked.resume} was run by --arm {driver}; say that and its options again"
-        )
+    entries = [entry for entry in ARMS.values() if entry.record.driver == arm.driver]
+    driver = entries[0].name if entries else arm.driver
     if asked.arm.driver != driver:
+        if find_arm(asked.arm.driver).virtual:
+            raise InputError(
+                f"{asked.resume} was run by --arm {driver}; say that and its options again"
+            )
         own = (
             "on a simulated arm; leave --arm away"
             if arm.simulated
@@ -71,5 +72,5 @@ def prepare_resume(asked: RunRequest, analysis: LoadedAnalysis) -> Prepared:
     note = (
         f"resuming by {protocol}" if protocol is not None else refuse_edited_protocol(session, plan)
     )
-    refuse_differences(session, plan, session.manifest.content["sensors"])
+    refuse_differences(session, plan, session.manifest.sensors)
     return Prepared(plan, analysis, session, missing_steps(session, plan), note)

@@ -6,15 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from testbench.drivers.arms.catalogue import SIM, refuse_other_maker
+from testbench.drivers.arms.catalogue import find_arm, refuse_other_maker
 from testbench.exceptions import BenchError, SessionError
-from testbench.execution import RunOptions, execute
+from testbench.execution import RunOptions
 from testbench.execution.executor import execute_on_arm, simulated_sensors
+from testbench.execution.recorder import recorded_ns
 from testbench.execution.resume import open_for_resume, refuse_differences
 from testbench.execution.run_progress import Progress
 from testbench.pipeline.analyse import Result, analyse
 from testbench.pipeline.approval import approve
-from testbench.pipeline.arm import make_arm, moves, refuse_arm, refuse_other_sensors
+from testbench.pipeline.arm import make_arm, refuse_arm, refuse_other_sensors
 from testbench.pipeline.kept_analysis import analysis_to_go_on, kept_analysis
 from testbench.pipeline.loaded_analysis import load_analysis
 from testbench.pipeline.prepared import Prepared, plan_for
@@ -50,15 +51,15 @@ def run(asked: Request, watcher: Watcher | None = None, prepared: Prepared | Non
     if prepared.analysis.asked != wanted:
         prepared = replace(prepared, analysis=load_analysis(wanted))
     watcher.prepared(prepared)
-    simulated = asked.run.arm.driver == SIM.name
-    record = _record_simulated if simulated else _record_on_arm
-    session = record(prepared, asked.run, watcher)
+    session = _record(prepared, asked.run, watcher)
     if watcher.progress is not None:
         watcher.progress(_doing("the arm is done: estimating, evaluating"))
     try:
         return analyse(session, prepared.analysis, prepared.plan)
     except BenchError as error:
-        error.add_note(f"the recording is whole; judge it again: testbench report {session.path}")
+        error.add_note(
+            f"the recording is whole; evaluate it again: testbench report {session.path}"
+        )
         raise
 
 
@@ -93,27 +94,30 @@ def _analysis(asked: Request) -> AnalysisRequest:
     return analysis_to_go_on(Session(Path(asked.run.resume)), asked.analysis)
 
 
-def _record_simulated(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> Session:
-    """Record the simulated arm; a session that broke off is completed as it began."""
-    options = _options(prepared, asked, watcher)
-    resumed = prepared.resumed
-    if resumed is None:
-        return execute(prepared.plan, options=options)
-    with session_lock(resumed.path):
+def _completed(
+    session: Session, prepared: Prepared, asked: RunRequest, watcher: Watcher
+) -> Session:
+    """A session in virtual time that broke off, completed as it began."""
+    with session_lock(session.path):
         # As it is now: another process may have gone on with it meanwhile.
-        resumed = open_for_resume(resumed.path)
+        resumed = open_for_resume(session.path)
         refuse_differences(resumed, prepared.plan, simulated_sensors(prepared.plan))
         seed, speed = resumed.manifest.seed, resumed.manifest.arm.speed
         if seed is None:
             raise SessionError(f"{resumed.path} does not say by which seed it was begun")
-        again = replace(options, seed=seed, speed=speed, resumed=resumed)
-        return execute(prepared.plan, options=again)
+        again = asked.model_copy(update={"seed": seed, "speed": speed})
+        arm, sensors = make_arm(prepared.plan, again, watcher.clock, recorded_ns(resumed))
+        options = replace(_options(prepared, again, watcher), resumed=resumed)
+        return execute_on_arm(prepared.plan, arm, sensors, options)
 
 
-def _record_on_arm(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> Session:
-    """Record an arm that keeps its own time, once a person has allowed what moves."""
-    checklist = approve(prepared, asked, watcher) if moves(asked) else None
-    if watcher.progress is not None:
+def _record(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> Session:
+    """Record an arm, once a person has allowed what moves."""
+    entry = find_arm(asked.arm.driver)
+    if entry.virtual and prepared.resumed is not None:
+        return _completed(prepared.resumed, prepared, asked, watcher)
+    checklist = approve(prepared, asked, watcher) if entry.commanded else None
+    if watcher.progress is not None and not entry.virtual:
         watcher.progress(_doing("connecting"))
     arm, sensors = make_arm(prepared.plan, asked, watcher.clock)
     refuse_other_sensors(prepared, sensors)

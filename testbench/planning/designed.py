@@ -65,6 +65,7 @@ class DesignedProtocol:
         efficiency: By how much the accelerometer's variances fall at as many visits and as much
             time at rest; None where the other protocol does not determine them.
         sentence: The same in words, with what it rests on.
+        remark: What is left out of the prediction.
     """
 
     plan: Plan
@@ -73,6 +74,7 @@ class DesignedProtocol:
     rows: list[PredictedRow]
     efficiency: float | None
     sentence: str
+    remark: str = LEFT_OUT
 
 
 class _NoWay(Exception):

@@ -37,8 +37,21 @@ MOST_CYCLES = 10_000
 _ANGLE: dict[str, float] = {"lowest": -LARGEST_ANGLE_DEG, "highest": LARGEST_ANGLE_DEG}
 
 
+class _Faded:
+    """A periodic sweep that begins and ends at rest."""
+
+    frequency: float
+    cycles: float
+    ramp_cycles: float
+
+    @property
+    def duration(self) -> float:
+        """With both fades [s]."""
+        return (self.cycles + 2 * self.ramp_cycles) / self.frequency
+
+
 @dataclass(frozen=True)
-class SineCommand:
+class SineCommand(_Faded):
     """Numbers of a sine sweep of one joint.
 
     Attributes:
@@ -57,14 +70,9 @@ class SineCommand:
     ramp_cycles: float
     phase: float
 
-    @property
-    def duration(self) -> float:
-        """With both fades [s]."""
-        return (self.cycles + 2 * self.ramp_cycles) / self.frequency
-
 
 @dataclass(frozen=True)
-class FourierCommand:
+class FourierCommand(_Faded):
     """Numbers of a Fourier sweep of one joint.
 
     Attributes:
@@ -82,11 +90,6 @@ class FourierCommand:
     frequency: float
     cycles: float
     ramp_cycles: float
-
-    @property
-    def duration(self) -> float:
-        """With both fades [s]."""
-        return (self.cycles + 2 * self.ramp_cycles) / self.frequency
 
 
 @dataclass(frozen=True)

@@ -196,7 +196,7 @@ def _check_settling(protocol: Protocol, steps: list[PlannedStep]) -> None:
         if spans and longest <= 2 * chain.settling_s:
             message = (
                 f"settling_s leaves out {chain.settling_s:g} s at either end of each step, and the "
-                f"longest of section '{section}' lasts {longest:.1f} s: nothing would be judged; "
-                f"it must be below {longest / 2:.1f} s"
+                f"longest of section '{section}' lasts {longest:.1f} s: nothing would be "
+                f"evaluated; it must be below {longest / 2:.1f} s"
             )
             raise protocol.document.problem(message, "estimate", "chain", "settling_s")

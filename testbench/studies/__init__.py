@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from testbench.exceptions import InputError, NotFoundError
 
 if TYPE_CHECKING:
+    from testbench.pipeline.request import StudyRequest
     from testbench.records.results.study import StudyRecord
     from testbench.studies.bench import StudyBench
 
@@ -136,6 +137,22 @@ def get_study(name: str) -> Study:
     if name not in STUDIES:
         raise NotFoundError("study", name, list(STUDIES))
     return STUDIES[name]
+
+
+def wanted_studies(asked: StudyRequest) -> list[Study]:
+    """The studies that a request asks for, in the order in which they are run.
+
+    Raises:
+        NotFoundError: No such study; lists those that exist.
+        InputError: Those of the publications run their own protocols, and another is named.
+    """
+    if asked.name is not None:
+        return [get_study(asked.name)]
+    if asked.protocol is not None:
+        raise InputError(
+            "--reproduce runs the protocols of the publications and takes no --protocol"
+        )
+    return references()
 
 
 def references() -> list[Study]:

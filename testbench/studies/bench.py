@@ -10,7 +10,7 @@ from typing import Any
 from testbench.clock import Clock, utc_text
 from testbench.pipeline.analyse import Result
 from testbench.pipeline.prepared import Prepared
-from testbench.pipeline.request import AnalysisRequest, Request, RunRequest
+from testbench.pipeline.request import AnalysisRequest, Request, RunRequest, StudyRequest
 from testbench.pipeline.run import run
 from testbench.pipeline.watcher import Watcher, nothing
 from testbench.records.session.plan import Plan
@@ -39,6 +39,17 @@ class StudyBench:
     parts: int = 5
     say: Callable[[str], None] = nothing
     protocol: str | Path | None = None
+
+    @staticmethod
+    def of(asked: StudyRequest, clock: Clock, say: Callable[[str], None] = nothing) -> StudyBench:
+        """The bench that a request asks for.
+
+        Args:
+            asked: Seed, parts, folder and protocol.
+            clock: Source of dates and run times.
+            say: Called with what is being done.
+        """
+        return StudyBench(Path(asked.logs), clock, asked.seed, asked.parts, say, asked.protocol)
 
     @property
     def seeds(self) -> range:

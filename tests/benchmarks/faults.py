@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from testbench.consistency.turning import names_of
+from testbench.consistency.angular_rate import names_of
 from testbench.records.findings.finding import Finding, Severity
 from testbench.records.session.samples import ImuSamples
 from tests.benchmarks.recordings import Known, check_samples, real, simulated

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from testbench.consistency.excerpt import LONGEST_BRIDGE, thin
-from testbench.consistency.rests import find_rests
+from testbench.consistency.still_intervals import find_rests
 from testbench.frames import NANOSECONDS
 from testbench.records.session.samples import ImuSamples
 from tests.benchmarks.recordings import Known, check_samples, of_arrays, simulated

@@ -1,14 +1,18 @@
-"""A vendor that exists nowhere: an arm that is exactly where its plan has it, and whose power fails
-at the address `dark`.
+"""Arms that exist nowhere: one of a vendor, which is exactly where its plan has it and whose power
+fails at the address `dark`, and a second model.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from testbench.drivers.arms.base import SteppingArm
+from testbench.drivers.arms.catalogue import SIM
 from testbench.drivers.arms.entry import REAL_ARM, SENSORS, ArmEntry, WantedArm
-from testbench.drivers.session_time import SessionTime
+from testbench.drivers.arms.simulated import SimulatedArm
+from testbench.drivers.session_time import SessionTime, VirtualTime
 from testbench.exceptions import DriverError
 from testbench.records.session.plan import Plan
 from testbench.records.session.samples import ArmSamples
@@ -25,6 +29,23 @@ ENTRY = ArmEntry(
     family="arms of tests",
     remedies={"dark": "put the plug back"},
 )
+
+
+TWIN = replace(
+    SIM,
+    name="twin",
+    title="a second model",
+    made_by="tests.drivers.trial_arm:twin_arm",
+    recorded_as="",
+)
+
+
+class TwinArm(SimulatedArm):
+    entry = TWIN
+
+
+def twin_arm(plan: Plan, wanted: WantedArm, time: VirtualTime) -> TwinArm:
+    return TwinArm(plan.robot, wanted.seed, plan.protocol.spec.environment.joint_errors, time)
 
 
 class TrialArm(SteppingArm):

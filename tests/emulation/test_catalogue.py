@@ -10,8 +10,9 @@ from typer.testing import CliRunner
 
 from testbench.cli.app import app
 from testbench.emulation import catalogue
-from testbench.emulation.catalogue import EMULATED
-from testbench.exceptions import InputError
+from testbench.emulation.catalogue import EMULATED, emulated
+from testbench.emulation.request import EmulationRequest
+from testbench.exceptions import InputError, NotFoundError
 
 
 @pytest.mark.parametrize("arm", EMULATED, ids=lambda arm: arm.name)
@@ -48,9 +49,14 @@ def test_the_server_of_an_entry_takes_what_the_command_gives(arm):
     common = dict.fromkeys(("model", "address", "token", "at_deg", "seed", "scenario"))
     signature.bind(**common, **{option.name: option.default for option in arm.options})
     with pytest.raises(InputError, match="'panda' is not emulated; known: "):
-        arm.server(
-            {**common, "model": "panda", **{option.name: option.default for option in arm.options}}
-        )
+        emulated(EmulationRequest(arm=arm.name, model="panda"))
+    with pytest.raises(NotFoundError, match=r"unknown option of the emulated \w+ 'colour'"):
+        emulated(EmulationRequest(arm=arm.name, own={"colour": "red"}))
+
+
+def test_a_controller_that_nobody_emulates_is_refused():
+    with pytest.raises(NotFoundError, match="unknown emulated controller 'panda'; known: "):
+        emulated(EmulationRequest(arm="panda"))
 
 
 def test_a_number_beyond_the_range_of_an_option_is_refused():

@@ -127,31 +127,31 @@ def test_every_step_that_does_not_count_is_told_with_its_reason():
     steps = [step(k) for k in range(6)]
     static, known, sound = ~within(3, 4), ~within(5, 6), ~within(7, 8)
     (note,) = told(left_out("hand", steps, TIME, static, known, sound))
-    assert note.startswith("hand, section static: 3 of 6 poses not judged: ")
+    assert note.startswith("hand, section static: 3 of 6 poses not evaluated: ")
     for reason in ("at rest in 1", "not known in 1", "samples of 1 are flagged"):
         assert reason in note
     (note,) = told(left_out("hand", steps, TIME, ~within(3, 4), YES, YES))
     assert (
         note
-        == "hand, section static: 1 of 6 poses not judged: the sensors were not at rest in them"
+        == "hand, section static: 1 of 6 poses not evaluated: the sensors were not at rest in them"
     )
 
 
 def test_a_section_that_vanishes_wholly_is_told_and_one_of_which_little_is_left():
     steps = [step(0), step(1), step(2, "sweep", "sweep")]
     assert told(left_out("hand", steps, TIME, ~YES, YES, ~within(4, 5))) == [
-        "hand, section static: 2 of 2 poses not judged: the sensors were not at rest in them",
-        "hand, section sweep: 1 of 1 sweeps not judged: the samples of them are flagged",
+        "hand, section static: 2 of 2 poses not evaluated: the sensors were not at rest in them",
+        "hand, section sweep: 1 of 1 sweeps not evaluated: the samples of them are flagged",
     ]
     little = within(1.9, 2) | within(3.9, 4)
     (note,) = told(left_out("hand", steps[:2], TIME, little, YES, YES))
     assert (
         note
-        == "hand, section static: only 22 of 152 samples judged: the sensors were not at rest in "
-        "them"
+        == "hand, section static: only 22 of 152 samples evaluated: the sensors were not at rest "
+        "in them"
     )
 
 
 def test_a_step_without_samples_is_told():
     (note,) = told(left_out("hand", [step(0), step(9)], TIME, YES, YES, YES))
-    assert note == "hand, section static: 1 of 2 poses not judged: there are no samples in them"
+    assert note == "hand, section static: 1 of 2 poses not evaluated: there are no samples in them"

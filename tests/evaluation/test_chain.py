@@ -129,7 +129,7 @@ def test_settling_that_leaves_nothing_is_refused_at_the_key(altered_protocol):
 
     with pytest.raises(
         FileProblems,
-        match=r"pendulum.yaml:\d+:\d+: estimate.chain.settling_s: .* nothing would be judged",
+        match=r"pendulum.yaml:\d+:\d+: estimate.chain.settling_s: .* nothing would be evaluated",
     ) as refused:
         plan(altered_protocol("pendulum", change))
     lasts = float(str(refused.value).split("must be below ")[1].split(" s")[0])
@@ -163,7 +163,7 @@ def test_a_chain_of_which_nothing_is_judged_says_why(result):
     [note] = [
         note
         for note in again.notes
-        if note.startswith("chain, section swing, kinematic: not judged")
+        if note.startswith("chain, section swing, kinematic: not evaluated")
     ]
     assert "settling_s" in note
     page = report(result.session, result.estimate, replace(again, series={})).read_text()

@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbench.evaluation import evaluate
+from testbench.evaluation.angular_rate import judged_motion, turned_by_sensor
 from testbench.evaluation.budgets import UNKNOWN_TRUTH, unknown_time
 from testbench.evaluation.sensitivity import flexion_by_arm
 from testbench.evaluation.time_lines import (
@@ -19,7 +20,6 @@ from testbench.evaluation.time_lines import (
     arm_time_source,
     clock_source,
 )
-from testbench.evaluation.turning import judged_motion, turned_by_sensor
 from testbench.evaluation.uncertainty import ArmSensitivity, combine
 from testbench.model.kinematics import Kinematics
 from testbench.planning import plan

@@ -132,7 +132,7 @@ def test_a_recording_is_a_session_that_is_estimated_evaluated_and_reported(
     result = analyse(session)
     assert list(result.estimate.sensors["wrist"].orientation) == ["vqf_6d"]
     assert result.evaluation.outcome == "not_measured" and not result.evaluation.metrics
-    assert "nothing was judged: no truth is known of any sensor" in result.evaluation.notes
+    assert "nothing was evaluated: no truth is known of any sensor" in result.evaluation.notes
     assert result.report is not None and result.report.stat().st_size > 10_000
 
 

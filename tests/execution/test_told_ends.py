@@ -50,7 +50,7 @@ def whole(tiny, tmp_path_factory) -> tuple[Plan, Session]:
 
 
 def described(the_plan: Plan) -> dict:
-    return {name: imu.describe() for name, imu in Sensors.simulated(the_plan, 5).imus.items()}
+    return Sensors.simulated(the_plan, 5).described()
 
 
 def changed(session: Session, folder: Path, edit) -> Session:

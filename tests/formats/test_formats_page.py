@@ -12,7 +12,7 @@ import pytest
 from testbench.formats import FORMATS, TRUTHS, UNTRIED
 from testbench.formats.axes import axis_presets
 from testbench.formats.mapping import MappingSpec, list_mappings
-from testbench.formats.units import QUANTITIES, unit_names
+from testbench.formats.tables.units import QUANTITIES, unit_names
 from testbench.records.disk.yaml_file import load_yaml
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")

@@ -13,7 +13,7 @@ from testbench.exceptions import InputError, NotFoundError
 from testbench.formats.names import sensor_name, stem_without_stamp, unique_names
 from testbench.formats.options import Options
 from testbench.formats.tables.recognise import find_sensors, find_time
-from testbench.formats.units import find_unit
+from testbench.formats.tables.units import find_unit
 
 
 @given(st.text(max_size=200))

@@ -187,7 +187,7 @@ def test_a_stated_offset_is_added_and_kept(load, mot):
             {"bend": FLEXION},
             "yes",
             {"angles": {"knee_r.adduction": "bend"}},
-            r"judged by its flexion: name that of 'knee_r', too",
+            r"evaluated by its flexion: name that of 'knee_r', too",
         ),
         (
             {"bend": FLEXION},

@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import pickle
+from math import pi
 from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
 
+from testbench.emulation.request import EmulationRequest
 from testbench.exceptions import ArmRefused, FileProblems, InputError, NotFoundError
+from testbench.pipeline.design import design
 from testbench.pipeline.request import (
     AnalysisRequest,
     ArmRequest,
+    DesignRequest,
     ExportRequest,
     Request,
     RunRequest,
+    StudyRequest,
 )
 from testbench.pipeline.run import prepare, run
 from testbench.pipeline.watcher import Consent, Watcher
+from testbench.planning.experiment_design import Wanted
+from testbench.studies import wanted_studies
+from testbench.studies.bench import StudyBench
 from tests.asking import analysis, run_of
+from tests.conftest import FakeClock
 
 
 def whole() -> Request:
@@ -39,9 +48,14 @@ def whole() -> Request:
 
 
 def test_a_request_goes_through_json_and_to_another_process_unchanged():
-    for asked in (Request(), whole()):
+    others = (
+        StudyRequest(name="gimvebo", protocol=Path("own.yaml"), seed=2, parts=3),
+        DesignRequest(out=Path("best.yaml"), robot="gimvebo", joints=("x", "y"), dwell_s=2.5),
+        EmulationRequest(arm="ur", at_deg=(0.0, -90.0), own={"local_control": True}),
+    )
+    for asked in (Request(), whole(), *others):
         for again in (
-            Request.model_validate_json(asked.model_dump_json()),
+            type(asked).model_validate_json(asked.model_dump_json()),
             pickle.loads(pickle.dumps(asked)),
         ):
             assert again == asked and hash(again) == hash(asked) and again.key == asked.key
@@ -62,6 +76,39 @@ def test_what_is_the_same_has_one_key_and_what_differs_another():
     }
     assert len(keys) == 5
     assert run_of("quick").key == run_of(Path("quick")).key
+
+
+def test_what_a_study_runs_is_told_by_its_request():
+    reproduced = [study.name for study in wanted_studies(StudyRequest())]
+    assert reproduced == [f"reference-{i}" for i in range(1, 6)]
+    assert [study.name for study in wanted_studies(StudyRequest(name="gimvebo"))] == ["gimvebo"]
+    with pytest.raises(NotFoundError, match="unknown study 'bode'"):
+        wanted_studies(StudyRequest(name="bode"))
+    with pytest.raises(InputError, match="takes no --protocol"):
+        wanted_studies(StudyRequest(protocol="quick"))
+    asked = StudyRequest(name="gimvebo", seed=4, parts=2, logs="kept", protocol="own.yaml")
+    bench = StudyBench.of(asked, FakeClock())
+    assert (bench.logs, list(bench.seeds), bench.protocol) == (Path("kept"), [4, 5], "own.yaml")
+
+
+def test_a_design_is_asked_for_in_degrees_and_made_in_radians(monkeypatch):
+    given = []
+    monkeypatch.setattr(
+        "testbench.pipeline.design.design_protocol", lambda *words: given.append(words)
+    )
+    asked = DesignRequest(
+        out="best.yaml", robot="ur3e", link="tool0", poses=8, turns=3, turn_deg=180, criterion="A"
+    )
+    design(asked)
+    ((out, robot, like, sensor, wanted, link),) = given
+    assert (out, robot, like, sensor, link) == (
+        Path("best.yaml"),
+        "ur3e",
+        "calibration_3d",
+        None,
+        "tool0",
+    )
+    assert wanted == Wanted(8, 3, None, "A", 5.0, pi)
 
 
 def test_an_unknown_key_of_a_request_is_refused():

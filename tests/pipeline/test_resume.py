@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from testbench.cli.options import analysis_request
@@ -19,21 +20,24 @@ from testbench.pipeline.request import AnalysisRequest, ArmRequest, Request, Run
 from testbench.pipeline.run import prepare, run
 from testbench.pipeline.watcher import Consent, Watcher
 from testbench.records.disk.json_file import read_json, write_json
+from testbench.records.disk.tables import read_parquet
 from testbench.records.session.session import Session
 from tests.asking import analysis, going_on, run_of
 from tests.conftest import FakeClock
-from tests.drivers.trial_arm import ENTRY
+from tests.drivers.trial_arm import ENTRY, TWIN
 
 OTHER = analysis("mahony_imu", parameters={"mahony_imu": {"kp": 0.7}})
 
 
-def broken_off(protocol: Path, logs: Path, how: AnalysisRequest) -> Session:
+def broken_off(protocol: Path, logs: Path, how: AnalysisRequest, **asked_for: Any) -> Session:
     """A session that was stopped after a second."""
 
     def stop(progress: object) -> None:
         os.kill(os.getpid(), signal.SIGINT)
 
-    asked = Request(run=RunRequest(protocol=protocol, logs=logs, speed="realtime"), analysis=how)
+    asked = Request(
+        run=RunRequest(protocol=protocol, logs=logs, speed="realtime", **asked_for), analysis=how
+    )
     with pytest.raises(RunInterrupted) as caught:
         run(asked, Watcher(FakeClock(), progress=stop))
     assert isinstance(caught.value.session, Session)
@@ -54,6 +58,27 @@ def test_a_run_that_goes_on_is_analysed_as_it_was_to_be_when_it_began(tiny, tmp_
     assert set(result.estimate.filter_parameters) == {"mahony_imu"}
     assert result.estimate.filter_parameters["mahony_imu"]["kp"] == 0.7
     assert result.report is None
+
+
+def test_any_arm_in_virtual_time_completes_its_session_as_it_began(tiny, tmp_path, monkeypatch):
+    """The catalogue says which arms these are, and not their names."""
+    monkeypatch.setitem(ARMS, TWIN.name, TWIN)
+    twin = ArmRequest(driver="twin")
+    session = broken_off(tiny, tmp_path / "twin", OTHER, arm=twin, seed=5)
+    with pytest.raises(InputError, match="was run by --arm twin; say that and its options again"):
+        prepare(going_on(session.path))
+    going = going_on(session.path, arm=twin)
+    with pytest.raises(InputError, match="--seed needs a new run"):
+        prepare(going_on(session.path, arm=twin, seed=6))
+    line = f"testbench run --resume {session.path} --arm twin --no-report"
+    assert resume_line(going, session.path) == line
+    done = run(going, Watcher(FakeClock())).session
+    assert (done.path, done.manifest.arm.driver, done.manifest.seed) == (session.path, "twin", 5)
+    simulated = run(run_of(tiny, seed=5, logs=tmp_path / "sim"), Watcher(FakeClock())).session
+    for name in ("arm.parquet", "imu_hand.parquet"):
+        assert read_parquet(done.path / name).keys() == read_parquet(simulated.path / name).keys()
+        for column, values in read_parquet(simulated.path / name).items():
+            np.testing.assert_array_equal(read_parquet(done.path / name)[column], values, column)
 
 
 def test_another_analysis_that_is_named_when_going_on_holds_alone_from_then_on(tiny, tmp_path):

@@ -127,7 +127,7 @@ def test_the_ranges_of_the_true_angles_stand_beside_what_is_commanded():
     check = plan("quick").check
     poses = next(use for use in check.flexions if (use.definition, use.kind) == ("ZXZ", "poses"))
     assert poses.sentence == (
-        "elbow: ZXZ 0.0 to 60.0 deg in the judged poses, wrist_3_joint 0.0 to 60.0, commanded "
+        "elbow: ZXZ 0.0 to 60.0 deg in the evaluated poses, wrist_3_joint 0.0 to 60.0, commanded "
         "(flexion_deg) 0 to 60"
     )
     sweep = next(use for use in check.flexions if (use.definition, use.kind) == ("ZXZ", "sweeps"))

@@ -44,7 +44,7 @@ def test_the_steps_of_the_first_session_are_counted_and_named(quick, resumed):
     found = earlier_steps(session)
     assert found == EarlierSteps("first", [step.name for step in there], len(judged))
     said = (
-        f"this session goes on from session first: 2 of {len(judged)} judged steps lie there "
+        f"this session goes on from session first: 2 of {len(judged)} evaluated steps lie there "
         "and are not in these results"
     )
     notes = evaluate(session, quick.estimate).notes
@@ -62,12 +62,12 @@ def test_a_session_of_its_own_says_nothing(quick):
 def test_many_steps_are_not_all_named():
     said = EarlierSteps("first", [f"pose {k}" for k in range(30)], 40).sentence
     assert (
-        "30 of 40 judged steps" in said
+        "30 of 40 evaluated steps" in said
         and f"pose {MOST_NAMES - 1}; and {30 - MOST_NAMES} more" in said
     )
     assert (
         EarlierSteps("first", [], 7).sentence
-        == "goes on from session first, and has all 7 judged steps itself"
+        == "goes on from session first, and has all 7 evaluated steps itself"
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 from testbench.records.findings.catalogue import SUBJECTS, TEMPLATES, finding, of_filters_together
 from testbench.records.findings.earlier import sentences_to_findings
 from testbench.records.findings.finding import Severity, told_once
-from testbench.records.findings.words import derived, orientations, truth, units
+from testbench.records.findings.templates import derived, orientations, truth, units
 from tests.house import ROOT, files
 
 
@@ -59,7 +59,7 @@ def test_sentences_of_earlier_versions_become_findings() -> None:
 
 
 def test_every_code_is_told_somewhere() -> None:
-    rooms = [file for file in files("testbench") if "words" not in file.parts]
+    rooms = [file for file in files("testbench") if "templates" not in file.parts]
     source = "\n".join(file.read_text(encoding="utf-8") for file in rooms)
     # those of consistency are put together from the quantity and what is wrong with it
     whole = {code for code in TEMPLATES if not code.startswith("consistency.")}

@@ -15,7 +15,7 @@ from testbench.exceptions import BenchError, SessionError
 from testbench.execution.resume import open_for_resume, stored_protocol
 from testbench.records.session.arm_record import MODEL, RECORDED_MOTION, REPORTED_MOTION
 from testbench.records.session.earlier_steps import earlier_steps
-from testbench.records.session.manifest import Manifest, RunStatus
+from testbench.records.session.manifest import Manifest, RunStatus, SensorRecord
 from testbench.records.session.session import Session
 from testbench.reporting.sections.provenance import provenance_section
 from testbench.reporting.sections.run import facts, run_section, simulated_parts
@@ -114,6 +114,33 @@ def test_what_a_newer_version_added_is_kept_when_the_manifest_is_written_again(t
     assert list(after) == list(content)  # in their order
     assert changed.status is RunStatus.ABORTED
     assert changed.message is None
+
+
+@pytest.mark.parametrize("name", ["completed", "interrupted", "imported"])
+def test_a_sensor_is_read_with_what_no_field_knows_of_it(name: str) -> None:
+    content = written(name)
+    content["sensors"]["more"] = {"colour": "orange", "full_scale": {"acc_m_s2": 9.0, "mag_uT": 8}}
+    manifest = Manifest.of(content, FILE)
+    assert {own: sensor.written() for own, sensor in manifest.sensors.items()} == content["sensors"]
+    assert manifest.protocol.written() == content["protocol"]
+
+
+def test_a_sensor_is_the_same_whatever_it_counted_meanwhile() -> None:
+    before = {"driver": "xsens_dot", "rate_hz": 60, "address": "d4", "battery_percent": 80}
+    same = SensorRecord.of(before | {"battery_percent": 20, "rssi_dbm": -40, "rate_hz": 60.0})
+    other = SensorRecord.of(before | {"address": "d5"})
+    assert SensorRecord.of(before).identity() == same.identity() != other.identity()
+
+
+def test_no_entry_of_a_manifest_is_read_by_its_key_in_the_file() -> None:
+    """The one that may shows people what no field knows."""
+    package = Path(__file__).parents[2] / "testbench"
+    reading = {
+        str(file.relative_to(package))
+        for file in package.rglob("*.py")
+        if "manifest.content" in file.read_text(encoding="utf-8")
+    }
+    assert reading == {"reporting/sections/provenance.py"}
 
 
 def test_a_change_that_has_the_wrong_type_is_refused() -> None:

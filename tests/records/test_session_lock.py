@@ -87,6 +87,14 @@ def orientations(made: Estimate) -> dict[str, np.ndarray]:
     return {name: own.orientation["madgwick_imu"] for name, own in made.sensors.items()}
 
 
+def waits_for_the_first(monkeypatch) -> threading.Event:
+    """Set once somebody finds a session taken and begins to wait for it."""
+    waiting = threading.Event()
+    monkeypatch.setattr(lock_module, "TELL_S", 0.0)
+    monkeypatch.setattr(lock_module, "_tell", lambda *_: waiting.set())
+    return waiting
+
+
 @pytest.mark.parametrize("held_after", [1, 2, 3])
 def test_two_estimates_that_are_saved_at_once_never_mix(held_after, made, session, monkeypatch):
     real, count = estimate_record.write_parquet, 0
@@ -102,6 +110,7 @@ def test_two_estimates_that_are_saved_at_once_never_mix(held_after, made, sessio
                 assert go_on.wait(60)
 
     monkeypatch.setattr(estimate_record, "write_parquet", slow)
+    waiting = waits_for_the_first(monkeypatch)
     threads = [
         threading.Thread(target=saved.save, args=[session.path], name=name)
         for name, saved in made.items()
@@ -109,7 +118,7 @@ def test_two_estimates_that_are_saved_at_once_never_mix(held_after, made, sessio
     threads[0].start()
     assert in_the_midst.wait(60)
     threads[1].start()
-    threads[1].join(0.2)
+    assert waiting.wait(60)
     go_on.set()
     for thread in threads:
         thread.join()
@@ -138,6 +147,7 @@ def test_estimate_evaluation_and_report_are_of_one_another(session, monkeypatch)
 
     monkeypatch.setattr("testbench.pipeline.analyse.evaluate", slow)
     report(session)
+    waiting = waits_for_the_first(monkeypatch)
     threads = [
         threading.Thread(target=judge_again, args=[session, analysis(name)], name=thread)
         for thread, name in (("first", "vqf_6d"), ("second", "madgwick_imu"))
@@ -145,7 +155,7 @@ def test_estimate_evaluation_and_report_are_of_one_another(session, monkeypatch)
     threads[0].start()
     assert evaluating.wait(60)
     threads[1].start()
-    threads[1].join(0.2)
+    assert waiting.wait(60)
     assert "madgwick_imu" not in (session.path / "estimate" / "estimate.json").read_text()
     go_on.set()
     for thread in threads:
@@ -210,8 +220,9 @@ def test_a_wait_is_told_on_stderr_where_nobody_has_set_up_another_way(tmp_path, 
     assert told.startswith(f"waiting for {tmp_path / 'session'}, which another process, ")
 
 
-def test_the_later_process_waits_for_the_earlier_one(tmp_path, holder):
-    threading.Timer(0.3, holder.kill).start()
+def test_the_later_process_waits_for_the_earlier_one(tmp_path, holder, monkeypatch):
+    monkeypatch.setattr(lock_module, "TELL_S", 0.0)
+    monkeypatch.setattr(lock_module, "_tell", lambda *_: holder.kill())  # once it waits
     with session_lock(tmp_path / "session", 60):
         holder.join(60)
         assert holder.exitcode == -signal.SIGKILL

@@ -85,14 +85,14 @@ def test_the_range_of_a_joint_stands_at_the_top(kind):
         return
     (tile,) = tiles
     assert float(tile.value) == pytest.approx(made.FLEXION_DEG, abs=0.1)
-    assert "not judged" in tile.detail and "1.00 Hz" in tile.detail
+    assert "not evaluated" in tile.detail and "1.00 Hz" in tile.detail
 
 
 def test_nothing_was_judged_stands_there_once(kind):
     page = Page(render(kind[1].session, kind[1].estimate, kind[1].evaluation))
-    assert page.words.count("nothing was judged") == 1
-    assert "No orientation was judged" not in page.words
-    assert "Nothing was judged" not in page.words
+    assert page.words.count("nothing was evaluated") == 1
+    assert "No orientation was evaluated" not in page.words
+    assert "Nothing was evaluated" not in page.words
 
 
 def test_figures_come_before_what_was_recorded(kind):

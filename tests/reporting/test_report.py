@@ -310,7 +310,7 @@ def test_an_imported_recording_has_orientation_but_no_joints(imported: Judged) -
     assert "joints" not in sections
     assert len(page.figures) == 3  # over time and filter beside filter, then its chapter
     assert "an imported recording" in page.words
-    assert "it is judged as a whole" in page.words
+    assert "it is evaluated as a whole" in page.words
     assert "CC0" in page.words
     assert "Simulated" not in page.words
 

@@ -172,7 +172,7 @@ def test_a_session_without_swings_or_truth_is_refused(quick):
         truth=session.truth,
         steps=[step for step in session.steps if step.kind != "sweep"],
     )
-    with pytest.raises(InputError, match="still has no sweep that is judged"):
+    with pytest.raises(InputError, match="still has no sweep that is evaluated"):
         swing_results(still, quick.estimate, PUBLISHED["universal"])
     blind = SimpleNamespace(
         name="blind", sensor_names=["arm"], truth=lambda name: None, steps=session.steps

@@ -334,7 +334,7 @@ def test_a_lost_truth_is_counted(judge, sticks):
         (
             lambda t, q: (t, reference(stick(7), 7)[1]),
             "clock.no_common_motion",
-            "nothing of it is judged",
+            "nothing of it is evaluated",
         ),
     ],
     ids=["swapped", "conjugated", "order", "unit", "another recording"],

@@ -17,6 +17,7 @@ from testbench.estimation.calibration.gyroscope import IN_RUN, attitude
 from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.poses import SETTLING_M_S2
 from testbench.estimation.calibration.prepared import prepare
+from testbench.estimation.calibration.recording import CalibrationRecording
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
 from testbench.exceptions import FileProblems, InputError, NotFoundError
 from testbench.model.kinematics import Kinematics
@@ -478,7 +479,9 @@ def test_a_gyroscope_that_warms_up_gives_its_drift_and_keeps_its_response_to_gra
         np.testing.assert_allclose(g, real.g_matrix, atol=4 * float(g_sd))
         assert g_sd < 3e-5
         if method == "attitude":
-            without = attitude(prepare(session, "forearm", None).gyroscope_recording(None))
+            without = attitude(
+                prepare(CalibrationRecording.of(session, "forearm"), None).gyroscope_recording(None)
+            )
             assert (
                 np.abs(without.g_matrix - real.g_matrix).max() > 3 * np.abs(g - real.g_matrix).max()
             )

@@ -45,7 +45,7 @@ def test_terminal_file_report_and_later_sessions_say_the_same(tmp_path, capsys):
         assert "Where its model ends" in page and first.remedy in page
         (warned,) = [
             own
-            for own in StoredCalibrations(recorded, [stored]).findings(SENSOR)
+            for own in StoredCalibrations.among([stored], recorded).findings(SENSOR)
             if own.code == "calibration.stored_warning"
         ]
         assert first.sentence in warned.sentence

@@ -11,6 +11,7 @@ from testbench.frames import NANOSECONDS
 from testbench.records.session.plan import Plan, PlannedStep
 from testbench.records.session.samples import ArmSamples
 from testbench.records.session.session import Event
+from testbench.records.session.trajectory import TrueState
 from testbench.records.specs.protocol_arm import Guards
 
 
@@ -50,6 +51,13 @@ class SteppingArm(ABC):
     def notice(self) -> str:
         """What a person must know before it moves; nothing if empty."""
         return self.entry.notice
+
+    @property
+    def felt(self) -> TrueState | None:
+        """What simulated sensors on it feel; None where nobody knows: they then follow the motion
+        that it reports.
+        """
+        return None
 
     @abstractmethod
     def connect(self) -> None:

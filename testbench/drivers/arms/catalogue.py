@@ -22,8 +22,9 @@ from testbench.exceptions import InputError, NotFoundError
 from testbench.records.session.arm_record import MODEL, RECORDED_MOTION, SIMULATED
 
 if TYPE_CHECKING:
+    from testbench.clock import Clock
     from testbench.drivers.arms.base import SteppingArm
-    from testbench.drivers.session_time import SessionTime
+    from testbench.drivers.session_time import SessionTime, Speed
     from testbench.records.session.plan import Plan
 
 SIM = ArmEntry(
@@ -33,6 +34,7 @@ SIM = ArmEntry(
     options=frozenset({"--speed"}),
     commanded=False,
     provenance=MODEL,
+    virtual=True,
     recorded_as=SIMULATED,
 )
 UR = ArmEntry(
@@ -99,7 +101,13 @@ def find_arm(name: str) -> ArmEntry:
 
 
 def make_arm(name: str, plan: Plan, wanted: WantedArm, time: SessionTime) -> SteppingArm:
-    """An arm that keeps its own time; nothing is connected.
+    """An arm; nothing is connected.
+
+    Args:
+        name: Of the driver.
+        plan: What it is to do.
+        wanted: What is known of it.
+        time: Of the session, as `session_time` makes it.
 
     Raises:
         NotFoundError: There is no such driver.
@@ -107,6 +115,23 @@ def make_arm(name: str, plan: Plan, wanted: WantedArm, time: SessionTime) -> Ste
     """
     arm: SteppingArm = find_arm(name).make(plan, wanted, time)
     return arm
+
+
+def session_time(name: str, clock: Clock, speed: Speed, known_ns: int = 0) -> SessionTime:
+    """The time that an arm moves in.
+
+    Args:
+        name: Of the driver.
+        clock: Gives the monotonic time.
+        speed: How virtual time passes; real time does as it does.
+        known_ns: So much a session that is gone on with in virtual time holds already [ns].
+
+    Raises:
+        NotFoundError: There is no such driver.
+    """
+    from testbench.drivers.session_time import SessionTime, VirtualTime
+
+    return VirtualTime(clock, speed, known_ns) if find_arm(name).virtual else SessionTime(clock)
 
 
 def refuse_other_maker(name: str, robot: str) -> None:

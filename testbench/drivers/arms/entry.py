@@ -50,6 +50,8 @@ class ArmEntry:
         needs: The option that it cannot do without, and what that is.
         commanded: Whether something real moves, which a person must have confirmed.
         provenance: Where its motion comes from, in words that go on after "followed".
+        virtual: Whether it moves in virtual time: a session that broke off is completed in its own
+            folder, as it began; any other arm does what is missing in a session of its own.
         recorded_as: Its name in the manifest; `name` if empty.
         extra: What must be installed beside the bench, as in `pip install 'imu-testbench[extra]'`.
         robots: A regular expression of the names of the robots that it drives.
@@ -66,6 +68,7 @@ class ArmEntry:
     needs: tuple[str, str] | None = None
     commanded: bool = True
     provenance: str = REPORTED_MOTION
+    virtual: bool = False
     recorded_as: str = ""
     extra: str = ""
     robots: str = ".*"

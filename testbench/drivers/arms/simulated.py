@@ -19,7 +19,7 @@ from testbench.model.servo import servo_parameters, servo_update
 from testbench.records.session.plan import Plan, PlannedStep
 from testbench.records.session.samples import ArmSamples
 from testbench.records.session.session import Event, step_events
-from testbench.records.session.trajectory import Trajectory
+from testbench.records.session.trajectory import Trajectory, TrueState
 from testbench.records.specs.robot import Robot
 
 STOP_TIME_S = 0.5
@@ -144,6 +144,10 @@ class SimulatedArm(SteppingArm):
         )
 
     @property
+    def felt(self) -> TrueState:
+        return self.true_state
+
+    @property
     def finished(self) -> bool:
         return self._reference is not None and self._read_ns >= self._end_ns
 
@@ -256,6 +260,8 @@ def servo_response(
         for j in range(m):
             q, v = states[i - 1, 0, j], states[i - 1, 1, j]
             for r in range(2):
+                # x+ = Phi x + now u + following u+, exact for a reference that is straight in
+                # between
                 states[i, r, j] = (
                     Phi[r, 0] * q
                     + Phi[r, 1] * v

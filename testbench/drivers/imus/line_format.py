@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from testbench.exceptions import NotFoundError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.records.disk.yaml_file import load_yaml
+from testbench.records.specs.shipped import shipped_names
 from testbench.records.specs.strict import StrictModel
 
 PRESETS = Path(__file__).resolve().parent / "presets"
@@ -278,4 +279,4 @@ def load_line_format(name: str | Path) -> LineFormat:
 
 def list_line_formats() -> list[str]:
     """Names of the line formats that ship with the bench."""
-    return sorted(path.stem for path in PRESETS.glob("*.yaml"))
+    return shipped_names(PRESETS)

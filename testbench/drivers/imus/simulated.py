@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,8 @@ from testbench.model.kinematics import Kinematics, Pose
 from testbench.model.magnetic_field import MagneticField
 from testbench.model.noise import random_stream
 from testbench.records.session.samples import ImuSamples
+from testbench.records.session.trajectory import TrueState
 from testbench.records.specs.protocol import Environment, Sensor
-
-TrueState = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
 class SimulatedImu(Imu):

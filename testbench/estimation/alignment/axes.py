@@ -17,9 +17,9 @@ from itertools import permutations
 
 import numpy as np
 
+from testbench.consistency.angular_rate import MAPS, names_of
 from testbench.consistency.gain import GAIN_WITHIN as GYR_GAIN_WITHIN
 from testbench.consistency.refused import WORDS
-from testbench.consistency.turning import MAPS, names_of
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.truth import truth_at

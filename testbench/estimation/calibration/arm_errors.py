@@ -11,8 +11,9 @@ import numpy as np
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
-from testbench.records.session.samples import Truth
-from testbench.records.session.session import Session
+from testbench.records.session.samples import ArmSamples, Truth
+from testbench.records.specs.protocol import Sensor
+from testbench.records.specs.robot import Robot
 
 SAME = 1e-3
 """Errors that turn a sensor by less than this part of themselves, or always alike about the
@@ -20,26 +21,23 @@ vertical, change neither its force nor its turns."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def shifted_truths(session: Session, sensor: str, truth: Truth) -> list[Truth]:
+def shifted_truths(
+    arm: ArmSamples | None, robot: Robot | None, placed: Sensor | None, truth: Truth
+) -> list[Truth]:
     """The truth with each error of the arm off by its standard uncertainty.
 
     Args:
-        session: With the arm's samples, or nothing comes of it.
-        sensor: Its name.
+        arm: What the arm reported; nothing comes of it without.
+        robot: The arm.
+        placed: Where the sensor sits on it.
         truth: Of the sensor.
 
     Returns:
         One truth for each joint and each twist that turn the sensor.
     """
-    arm, robot = session.arm(), session.robot
-    if (
-        arm is None
-        or robot is None
-        or sensor not in session.analysis.sensors
-        or len(arm.host_time_ns) < 2
-    ):
+    if arm is None or robot is None or placed is None or len(arm.host_time_ns) < 2:
         return []
-    placed, kinematics, at = session.analysis.sensors[sensor], Kinematics(robot), truth.host_time_ns
+    kinematics, at = Kinematics(robot), truth.host_time_ns
     q = np.column_stack([np.interp(at, arm.host_time_ns, column) for column in arm.q_measured.T])
     twist = np.radians(robot.spec.uncertainty.link_twist_deg)
     sizes = [*robot.joint_angle_uncertainty, *[twist] * len(kinematics.twists)]

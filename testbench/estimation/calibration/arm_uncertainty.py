@@ -16,7 +16,7 @@ import numpy as np
 from testbench.estimation.calibration.methods import METHODS
 from testbench.estimation.calibration.prepared import Prepared
 from testbench.estimation.calibration.shared_frame import in_believed_axes
-from testbench.estimation.calibration.warming import with_drift
+from testbench.estimation.calibration.temperature import with_drift
 from testbench.model import rotation
 from testbench.model.statistics.least_squares import PoorExcitation
 from testbench.records.results.calibration import TriadCalibration

@@ -28,8 +28,8 @@ from testbench.estimation.calibration.methods import Method
 from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.poses import SETTLING_UT, StaticPoses
 from testbench.estimation.calibration.prepared import Prepared
+from testbench.estimation.calibration.temperature import Function
 from testbench.estimation.calibration.turns import GyroscopeRecording
-from testbench.estimation.calibration.warming import Function
 from testbench.frames import NANOSECONDS
 from testbench.model.statistics.least_squares import PoorExcitation
 from testbench.model.statistics.linear import SURPRISING as BIRGE_BEYOND
@@ -37,7 +37,7 @@ from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.fit import Fit
-from testbench.records.session.session import Session
+from testbench.records.specs.sensor import ImuParameters
 
 BIRGE_FROM = 1 - BIRGE_BEYOND
 """Chance of residuals from which on Birge's ratio widens."""
@@ -146,15 +146,14 @@ def examined_magnetometer(
     return found, findings_of(lack, "magnetometer")
 
 
-def gyroscope_cubic(session: Session, sensor: str) -> float:
+def gyroscope_cubic(sheet: ImuParameters | None) -> float:
     """What the data sheet's nonlinearity is as a factor of the third power of a rate
-    [1/(rad/s)^2]; 0 where no sheet is named.
+    [1/(rad/s)^2]; 0 without a sheet.
     """
-    placed = session.analysis.sensors.get(sensor)
-    if placed is None or not (placed.preset or placed.parameters):
+    if sheet is None:
         return 0.0
-    sheet = placed.imu().gyroscope.triad()
-    return float(sheet.nonlinearity / sheet.range**2)
+    triad = sheet.gyroscope.triad()
+    return float(triad.nonlinearity / triad.range**2)
 
 
 def with_rate_nonlinearity(

@@ -15,7 +15,6 @@ from testbench.frames import STANDARD_GRAVITY
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration import TriadCalibration
-from testbench.records.session.session import Session
 from testbench.records.specs.sensor import TriadParameters
 
 UNSTATED_SD = 0.026 / np.sqrt(3)
@@ -27,21 +26,17 @@ STATED_SD = 1e-3
 the order of 100 mGal (NIMA TR8350.2, 2000, section 4)."""
 
 
-def gravity_sd(session: Session) -> float:
-    """Standard uncertainty of gravity's length [m/s^2]; 0 of what a sensor was simulated with."""
-    if session.simulated:
+def gravity_sd(gravity: np.ndarray, simulated: bool) -> float:
+    """Standard uncertainty of gravity's length [m/s^2]; 0 of what a sensor was simulated with.
+
+    Args:
+        gravity: In the world as it is taken, shape (3,) [m/s^2].
+        simulated: Whether the sensor was.
+    """
+    if simulated:
         return 0.0
-    robot = session.robot
-    size = STANDARD_GRAVITY if robot is None else float(np.linalg.norm(robot.gravity))
+    size = float(np.linalg.norm(gravity))
     return STATED_SD if abs(size - STANDARD_GRAVITY) > 1e-6 else float(UNSTATED_SD)
-
-
-def accelerometer_sheet(session: Session, sensor: str) -> TriadParameters | None:
-    """The data sheet of a sensor's accelerometer; None where none is named."""
-    placed = session.analysis.sensors.get(sensor)
-    if placed is None or not (placed.preset or placed.parameters):
-        return None
-    return placed.imu().accelerometer.triad()
 
 
 def sheet_nonlinearity(sheet: TriadParameters | None) -> float | None:

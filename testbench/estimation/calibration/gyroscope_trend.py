@@ -21,9 +21,9 @@ from testbench.estimation.calibration.lack_of_fit import (
     with_bias,
 )
 from testbench.estimation.calibration.poses import StaticPoses
+from testbench.estimation.calibration.temperature import Function
 from testbench.estimation.calibration.triad_model import LEAST_WARMING_K
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
-from testbench.estimation.calibration.warming import Function
 from testbench.exceptions import InputError
 from testbench.model.statistics.least_squares import FitParameter, PoorExcitation
 from testbench.model.statistics.linear import axis_by_axis, solve_linear

@@ -25,6 +25,7 @@ from testbench.estimation.calibration.poses import (
     TrueVector,
     static_poses,
 )
+from testbench.estimation.calibration.recording import CalibrationRecording
 from testbench.estimation.calibration.static_intervals import (
     between_peaks,
     by_events,
@@ -34,7 +35,6 @@ from testbench.estimation.calibration.static_intervals import (
 )
 from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
 from testbench.estimation.filters import UniformSamples
-from testbench.estimation.signals.recording import belief_in
 from testbench.estimation.signals.segmentation import intervals_of
 from testbench.estimation.signals.uniform import MOST_FILLING, fill_gaps
 from testbench.exceptions import InputError
@@ -46,7 +46,6 @@ from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.calibration_result import Agreement, CalibrationPoses
 from testbench.records.session.samples import ImuSamples, Truth
-from testbench.records.session.session import Session
 
 Segmentation = Literal["arm", "gyroscope", "peaks", "variance"]
 FOLDS = 3
@@ -326,24 +325,21 @@ class Prepared:
         return replace(found, validation=turn_figures(np.concatenate(errors)))
 
 
-def prepare(session: Session, sensor: str, segmentation: Segmentation | None) -> Prepared:
+def prepare(recording: CalibrationRecording, segmentation: Segmentation | None) -> Prepared:
     """Make a sensor's recording ready.
 
     Args:
-        session: The recording.
-        sensor: Its name.
+        recording: The sensor.
         segmentation: Who says where the rests are; the arm if None and it was there.
 
     Raises:
-        NotFoundError: No such sensor.
         InputError: No rest was found, or the arm is asked for and was not there.
     """
     # Longer than a screen: one step after another, each with what the ones before it found.
-    raw, truth = session.imu(sensor), session.truth(sensor)
-    doubts = doubts_on(raw, belief_in(session, sensor))
+    raw, truth = recording.raw, recording.truth
+    doubts = doubts_on(raw, recording.belief)
     samples = without(raw, doubts.unknown)
-    described = session.manifest.sensors[sensor]
-    clock = sensor_clock(samples, truth, described, session.analysis.estimate.align_clock)
+    clock = sensor_clock(samples, truth, recording.described, recording.align_clock)
     given = without(raw, doubts.unknown, for_filters=True)
     everything = dict.fromkeys(("acc", "mag"), len(raw) * MOST_FILLING)
     uniform, rows = fill_gaps(given, clock, everything)  # rests are cut where it was filled
@@ -356,7 +352,7 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
     found: dict[str, np.ndarray] = {}
     remarks: list[str] = []
     steps = [
-        step for step in session.steps if step.kind != "sweep" and step.end_ns > step.settled_ns
+        step for step in recording.steps if step.kind != "sweep" and step.end_ns > step.settled_ns
     ]
     calibration_steps = [step for step in steps if step.role == "calibration"] or steps
     if calibration_steps:
@@ -373,7 +369,8 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
     chosen: Segmentation = segmentation or ("arm" if "arm" in found else "gyroscope")
     if chosen not in found:
         raise InputError(
-            f"{session.path}: no arm said where sensor '{sensor}' rested; other witnesses: "
+            f"{recording.place}: no arm said where sensor '{recording.sensor}' rested; other "
+            "witnesses: "
             f"{', '.join(found)}"
         )
     rests = _sound_parts(found[chosen], sound)
@@ -386,8 +383,8 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
             )
     if not len(rests):
         raise InputError(
-            f"{session.path}: sensor '{sensor}' never rests by the {chosen}; calibration needs "
-            "static poses"
+            f"{recording.place}: sensor '{recording.sensor}' never rests by the {chosen}; "
+            "calibration needs static poses"
         )
     if truth is not None:
         middle = truth_at(truth, time[rests.mean(axis=1).astype(int)])
@@ -397,17 +394,16 @@ def prepare(session: Session, sensor: str, segmentation: Segmentation | None) ->
             rests = _sound_parts(found[chosen], sound)
             remarks.append("the truth is not known in any rest and is not used")
     at_rest = _inside(found[chosen], len(uniform))[rows]  # those of refused samples too
-    gravity = session.robot.gravity if session.robot else np.array([0.0, 0.0, -STANDARD_GRAVITY])
     agreements = compare(found, len(uniform.gyr), uniform.interval)
     temperatures = _temperatures(samples, host, time)
-    integrated = session.manifest.sensors[sensor].sampling == "integrated"
+    integrated = recording.described.sampling == "integrated"
     return Prepared(
         uniform,
         time,
         rests,
         truth,
-        gravity,
-        rate_delay(samples, described),
+        recording.gravity,
+        rate_delay(samples, recording.described),
         chosen,
         agreements,
         remarks,

@@ -19,7 +19,6 @@ from testbench.estimation.calibration.examined import (
     with_rate_nonlinearity,
 )
 from testbench.estimation.calibration.force_scale import (
-    accelerometer_sheet,
     gravity_sd,
     sheet_nonlinearity,
     sheet_settling,
@@ -36,10 +35,11 @@ from testbench.estimation.calibration.methods import (
 )
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.prepared import Prepared, Segmentation, prepare
+from testbench.estimation.calibration.recording import CalibrationRecording
 from testbench.estimation.calibration.session_mounting import find_mounting
 from testbench.estimation.calibration.shared_frame import take_mounting_out
+from testbench.estimation.calibration.temperature import Function, with_drift
 from testbench.estimation.calibration.validation import cross_validate, validate
-from testbench.estimation.calibration.warming import Function, with_drift
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS
 from testbench.model.statistics.least_squares import PoorExcitation
@@ -119,18 +119,20 @@ def calibrate(
     """
     # Longer than a screen: triad after triad, each with what the ones before it gave.
     chosen = _by_triad(methods, field, turn_angle)
-    prepared = prepare(session, sensor, segmentation)
+    opened = CalibrationRecording.of(session, sensor)
+    prepared = prepare(opened, segmentation)
     if prepared.truth is not None:
-        shifted = shifted_truths(session, sensor, prepared.truth)
+        placed = session.analysis.sensors.get(sensor)
+        shifted = shifted_truths(session.arm(), session.robot, placed, prepared.truth)
         prepared = replace(prepared, stated=prepared.truth, shifted=shifted)
-    sheet = accelerometer_sheet(session, sensor)
+    sheet = None if opened.sheet is None else opened.sheet.accelerometer.triad()
     prepared = replace(
         prepared,
-        gravity_sd=gravity_sd(session),
+        gravity_sd=gravity_sd(opened.gravity, bool(session.simulated)),
         nonlinearity=sheet_nonlinearity(sheet),
         settling=sheet_settling(sheet),
     )
-    others = [prepare(other, sensor, None) for other in held_out]
+    others = [prepare(CalibrationRecording.of(other, sensor), None) for other in held_out]
     told = Told(list(prepared.remarks), list(prepared.clipped_moving))
     remarks = told.remarks
     triads: dict[str, TriadCalibration] = {}
@@ -154,7 +156,7 @@ def calibrate(
             bare = gyroscope.fits[0]
             recording = prepared.gyroscope_recording(accelerometer)
             gyroscope, left = with_rate_nonlinearity(
-                gyroscope, recording, gyroscope_cubic(session, sensor), function
+                gyroscope, recording, gyroscope_cubic(opened.sheet), function
             )
             if trend is not None:
                 gyroscope = widened_by_trend(gyroscope, recording, trend, function)

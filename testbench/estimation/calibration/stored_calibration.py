@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from datetime import datetime
+from pathlib import Path
 
 from testbench.exceptions import InputError
 from testbench.model import rotation
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding, Severity
 from testbench.records.results.calibration_file import SensorCalibration, find_calibration
+from testbench.records.session.manifest import SensorRecord
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.session import Session
 
@@ -19,12 +22,22 @@ class StoredCalibrations:
     """The stored calibrations that correct the raw samples of a session.
 
     Attributes:
-        session: The recording.
+        place: Folder of the session, for messages.
+        sensors: What is known of each sensor, by its name.
+        recorded: When the samples were taken; None where nobody knows.
         given: Each sensor takes its own that is nearest in time.
     """
 
-    session: Session
+    place: Path
+    sensors: Mapping[str, SensorRecord]
+    recorded: datetime | None
     given: list[SensorCalibration] = field(default_factory=list)
+
+    @staticmethod
+    def among(given: list[SensorCalibration], session: Session) -> StoredCalibrations:
+        """Those of them that are of the sensors of a session."""
+        sensors = session.manifest.sensors
+        return StoredCalibrations(session.path, sensors, session.recorded_at, given)
 
     def check(self) -> None:
         """Refuse calibrations of which not one is of a sensor of this session.
@@ -32,14 +45,14 @@ class StoredCalibrations:
         Raises:
             InputError: Names whose calibrations there are, and the session's sensors.
         """
-        if not self.given or any(self.of(name) for name in self.session.sensor_names):
+        if not self.given or any(self.of(name) for name in self.sensors):
             return
         whose = ", ".join(
             sorted({f"'{c.sensor}'" + (f" ({c.device})" if c.device else "") for c in self.given})
         )
-        names = ", ".join(self.session.sensor_names)
+        names = ", ".join(self.sensors)
         raise InputError(
-            f"{self.session.path}: none of its sensors ({names}) has a stored calibration; there "
+            f"{self.place}: none of its sensors ({names}) has a stored calibration; there "
             f"are those of {whose}"
         )
 
@@ -49,15 +62,15 @@ class StoredCalibrations:
         Raises:
             InputError: Several fit, and without a date none is nearest.
         """
-        tag = self.session.manifest.sensors[sensor].device_tag
-        return find_calibration(self.given, sensor, tag, self.session.recorded_at)
+        tag = self.sensors[sensor].device_tag
+        return find_calibration(self.given, sensor, tag, self.recorded)
 
     def findings(self, sensor: str) -> list[Finding]:
         """What a reader must know of the correction of a sensor's raw samples."""
         stored = self.of(sensor)
         if stored is None:
             return [finding("calibration.none_of_this_sensor")] if self.given else []
-        tag = self.session.manifest.sensors[sensor].device_tag
+        tag = self.sensors[sensor].device_tag
         same = (
             f"of the same device, {tag}"
             if tag and stored.device == tag
@@ -69,7 +82,7 @@ class StoredCalibrations:
         origin = (
             f"{stored.file}, " if stored.file else ""
         ) + f"session {stored.session} of {stored.calibrated:%Y-%m-%d}"
-        dated = self.session.recorded_at is not None
+        dated = self.recorded is not None
         code = "calibration.stored" if dated else "calibration.stored_undated"
         own = [
             finding(

@@ -138,6 +138,7 @@ def _corrected(
 ) -> None:
     """The reading without bias and response to force, shape (3,), into x."""
     for i in range(3):
+        # raw - b - G f
         x[i] = raw[i] - bias[i] - G[i, 0] * force[0] - G[i, 1] * force[1] - G[i, 2] * force[2]
 
 
@@ -209,9 +210,12 @@ def _run(
 @njit(cache=True)
 def _rotation(p: np.ndarray, q: np.ndarray, R: np.ndarray) -> None:
     """Rotation matrix of the quaternion halfway between two neighbouring ones, into R."""
+    # (p + q) / |p + q|: slerp at its middle (Shoemake 1985)
     w, x, y, z = p[0] + q[0], p[1] + q[1], p[2] + q[2], p[3] + q[3]
     n = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
     w, x, y, z = n * w, n * x, n * y, n * z
+    # R of a unit quaternion (Solà, Quaternion kinematics for the error-state Kalman filter, 2017,
+    # section 2)
     R[0, 0], R[0, 1], R[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
     R[1, 0], R[1, 1], R[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
     R[2, 0], R[2, 1], R[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)

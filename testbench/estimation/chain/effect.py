@@ -85,13 +85,16 @@ def learn(
     """
     V, told, score = effect.sensitivity, effect.information, effect.score
     n, p = V.shape
+    # s = H V + H_c
     row = _by_constants(effect, s, by_place, h)
     for r in range(p):
+        # the regression of the innovation on s: s s' / S and s innovation / S are added
         weight = row[r] / S
         score[r] += weight * innovation
         for c in range(p):
             told[r, c] += weight * row[c]
     for t in range(n):
+        # V = V - K s
         gain = Ph[t] / S
         for c in range(p):
             V[t, c] -= gain * row[c]
@@ -107,12 +110,14 @@ def _by_constants(
     """
     V = effect.sensitivity
     row = np.zeros(V.shape[1])
+    # H_c: of its own placement, and of the lengths before it
     row[6 * s : 6 * s + 6] = by_place[:6]
     for k in range(effect.lengths.shape[1]):
         if effect.lengths[s, k] >= 0:
             row[effect.lengths[s, k]] = by_place[6 + k]
     for t in range(len(h)):
         if h[t] != 0.0:
+            # H V
             for c in range(len(row)):
                 row[c] += h[t] * V[t, c]
     return row
@@ -135,6 +140,7 @@ def follow(
         part: What the limits take of a change of the angle, over its variance [1/rad^2].
     """
     V = effect.sensitivity
+    # V = V - K (h V), as after a reading of that angle
     for c in range(V.shape[1]):
         moved = 0.0
         for t in range(len(index)):
@@ -167,10 +173,12 @@ def add_effect(
             row[:] = 0.0
             for t in range(indices.shape[1]):
                 for c in range(p):
+                    # what a change of each constant does to the angle, rate or acceleration
                     row[c] += slopes[order, j, t] * V[indices[j, t], c]
             for r in range(p):
                 for c in range(p):
                     if order == 0:
                         swing[j, r, c] += row[r] * row[c]
                     if fitted:
+                        # r' C r of the constants' covariance C
                         variances[order, j] += row[r] * covariance[r, c] * row[c]

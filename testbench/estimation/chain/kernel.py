@@ -186,6 +186,7 @@ def by_motion(
     h[:] = 0.0
     for j in columns:
         for t in range(indices.shape[1]):
+            # chain rule: d(reading) / d(motion) times d(motion) / d(state)
             h[indices[j, t]] += (
                 by[0, j] * slopes[0, j, t] + by[1, j] * slopes[1, j, t] + by[2, j] * slopes[2, j, t]
             )
@@ -244,6 +245,7 @@ def times_gain(P: np.ndarray, h: np.ndarray, Ph: np.ndarray) -> None:
         if h[t] != 0.0:
             weight = h[t]
             for c in range(n):
+                # P is symmetric: rows in place of columns, which lie side by side
                 Ph[c] += weight * P[t, c]
 
 
@@ -278,6 +280,7 @@ def spread(P: np.ndarray, index: np.ndarray, slope: np.ndarray) -> float:
     for r in range(len(index)):
         if slope[r] != 0.0:
             for c in range(len(index)):
+                # s' P s
                 total += slope[r] * slope[c] * P[index[r], index[c]]
     return total
 
@@ -319,12 +322,14 @@ def hold(
         mean, sd = motion[0, j], math.sqrt(max(variance, 0.0))
         if (low <= mean <= high and sd <= WIDE * (high - low)) or sd == 0.0:
             continue
+        # mean and variance of what lies within the limits (Simon 2006, sect. 7.5.4)
         shift, left = truncated(mean, sd, low, high)
         h[:] = 0.0
         for t in range(indices.shape[1]):
             h[indices[j, t]] = slopes[0, j, t]
         times_gain(P, h, Ph)
         shrink = (variance - left) / variance**2 if sd > WIDE * (high - low) else 0.0
+        # x + P h (shift - mean) / variance, and P less what is known now
         take(x, P, Ph, (shift - mean) / variance, shrink)
         if effect.sensitivity.shape[1] > 0:
             follow(effect, indices[j], slopes[0, j], Ph, (1.0 - left / variance) / variance)

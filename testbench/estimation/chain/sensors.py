@@ -54,6 +54,7 @@ def read_sensor(
         slopes: As for `sensor_reading`, shape (3, 6, m).
     """
     chain, tip = _carrying(sensors, s)
+    # angular rate and specific force by the recursions of `model.chain_sensor`
     sensor_reading(chain, tip, sensors.gravity, motion, reading, slopes)
 
 
@@ -71,12 +72,14 @@ def read_placement(
         slopes: As for `placement_slopes`, shape (6, 6 + k) of the longest chain.
     """
     chain, tip = _carrying(sensors, s)
+    # d(reading) by turn, place and length, as `model.chain_placement` has them
     placement_slopes(chain, tip, motion, reading, slopes)
 
 
 @njit(cache=True, inline="always")
 def _carrying(sensors: SensorArrays, s: int) -> tuple[Chain, Tip]:
     """The joints that carry a sensor, and its place in the frame of the last."""
+    # the tables are as wide as the longest chain
     count = sensors.counts[s]
     chain = Chain(
         sensors.rotations[s, :count],

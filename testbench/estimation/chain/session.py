@@ -35,15 +35,13 @@ from testbench.estimation.chain.settings import (
 )
 from testbench.estimation.chain.smoother import run_smoother
 from testbench.estimation.chain.state import motion_size
-from testbench.estimation.signals.recording import RunFacts
-from testbench.exceptions import BenchError, InputError
+from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding, told_once
 from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.estimate import SensorEstimate
-from testbench.records.session.session import Session
 from testbench.records.specs.protocol_chain import ASSUMED_SHEET, ChainEstimation, ChainState
 
 FITTED_S = 30.0
@@ -67,25 +65,6 @@ SEARCHED_S = 10.0
 """The process noise is sought over this much of a section, from the beginning of its motion and
 `settling_s` on [s].
 """
-
-
-def chain_of_session(
-    session: Session, run: RunFacts, sensors: Mapping[str, SensorEstimate]
-) -> tuple[list[ChainEstimate], list[Finding]]:
-    """Joints by the chain filter, as a session asks for them; result as of `estimate_chain`.
-
-    Args:
-        session: The recording.
-        run: What is known of it, with wishes for a chain.
-        sensors: With clocks, calibrations and gates.
-    """
-    wanted = run.settings.chain
-    assert wanted is not None
-    try:
-        recording = ChainRecording.of(session, run)
-    except BenchError as error:  # the model of an import is not there, or does not fit it
-        return [], [finding("chain.not_estimated", "chain", why=str(error))]
-    return estimate_chain(recording, sensors, wanted)
 
 
 def estimate_chain(

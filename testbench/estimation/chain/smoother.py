@@ -169,6 +169,7 @@ def _joints(
                 total = 0.0
                 for r in range(k):
                     for c in range(k):
+                        # s' P s of the states that the joint depends on
                         total += (
                             slopes[order, j, r]
                             * slopes[order, j, c]
@@ -179,6 +180,7 @@ def _joints(
                     for r in range(k):
                         for c in range(len(row)):
                             row[c] += slopes[order, j, r] * sensitivity[i, indices[j, r], c]
+                    # and (s V) C (s V)' of what is not known of the constants (Friedland 1969)
                     total += float(row @ (constants @ row))
                 sd[i, order, j] = np.sqrt(max(total, 0.0))
     return mean, sd

@@ -205,6 +205,7 @@ def propagate(
         confined: As `confinement` gives it, shape (m, 2).
         dt: Time that passes [s].
     """
+    # F is of blocks: three states a joint, or a pair for each harmonic
     if harmonics == 0:
         _propagate_kinematic(x, P, m, confined, dt)
     else:
@@ -220,16 +221,19 @@ def _propagate_kinematic(
     for j in range(m):
         _confined(confined[j, 1], dt, f)
         v, a = m + j, 2 * m + j
+        # x <- middle + F (x - middle)
         x0, x1, x2 = x[j] - confined[j, 0], x[v], x[a]
         x[j] = confined[j, 0] + f[0, 0] * x0 + f[0, 1] * x1 + f[0, 2] * x2
         x[v] = f[1, 0] * x0 + f[1, 1] * x1 + f[1, 2] * x2
         x[a] = f[2, 0] * x0 + f[2, 1] * x1 + f[2, 2] * x2
         for c in range(n):
+            # F P
             p0, p1, p2 = P[j, c], P[v, c], P[a, c]
             P[j, c] = f[0, 0] * p0 + f[0, 1] * p1 + f[0, 2] * p2
             P[v, c] = f[1, 0] * p0 + f[1, 1] * p1 + f[1, 2] * p2
             P[a, c] = f[2, 0] * p0 + f[2, 1] * p1 + f[2, 2] * p2
         for r in range(n):
+            # (F P) F'
             p0, p1, p2 = P[r, j], P[r, v], P[r, a]
             P[r, j] = f[0, 0] * p0 + f[0, 1] * p1 + f[0, 2] * p2
             P[r, v] = f[1, 0] * p0 + f[1, 1] * p1 + f[1, 2] * p2
@@ -245,10 +249,14 @@ def _propagate_fourier(x: np.ndarray, P: np.ndarray, m: int, harmonics: int, dt:
         first = m * (2 * k - 1)
         for i in range(first, first + m):
             c, s = x[i], x[i + m]
+            # c_k and s_k turn by k omega dt
             x[i] = cosine * c + sine * s
             x[i + m] = cosine * s - sine * c
+            # derivatives by omega: dc / d omega = k dt s, ds / d omega = -k dt c, of what they
+            # became
             by_c, by_s = k * dt * x[i + m], -k * dt * x[i]
             for column in range(n):
+                # F P
                 c, s, w = P[i, column], P[i + m, column], P[last, column]
                 P[i, column] = cosine * c + sine * s + by_c * w
                 P[i + m, column] = cosine * s - sine * c + by_s * w
@@ -258,6 +266,7 @@ def _propagate_fourier(x: np.ndarray, P: np.ndarray, m: int, harmonics: int, dt:
             cosine, sine = np.cos(k * x[last] * dt), np.sin(k * x[last] * dt)
             first = m * (2 * k - 1)
             for i in range(first, first + m):
+                # (F P) F'
                 c, s = P[r, i], P[r, i + m]
                 P[r, i] = cosine * c + sine * s + k * dt * x[i + m] * w
                 P[r, i + m] = cosine * s - sine * c - k * dt * x[i] * w
@@ -282,6 +291,7 @@ def carry(
         for j in range(m):
             _confined(confined[j, 1], dt, f)
             for c in range(V.shape[1]):
+                # V = F V (Friedland 1969)
                 q, v, a = V[j, c], V[m + j, c], V[2 * m + j, c]
                 V[j, c] = f[0, 0] * q + f[0, 1] * v + f[0, 2] * a
                 V[m + j, c] = f[1, 0] * q + f[1, 1] * v + f[1, 2] * a
@@ -294,6 +304,7 @@ def carry(
         for i in range(first, first + m):
             by_c, by_s = k * dt * x[i + m], -k * dt * x[i]
             for column in range(V.shape[1]):
+                # V = F V, with the derivatives by omega of `_propagate_fourier`
                 c, s, w = V[i, column], V[i + m, column], V[last, column]
                 V[i, column] = cosine * c + sine * s + by_c * w
                 V[i + m, column] = cosine * s - sine * c + by_s * w

@@ -37,6 +37,7 @@ def tilts(
     for i in range(acc.shape[0]):
         a = length(acc[i])
         if a > 0.0:
+            # specific force at rest points upwards
             state[1], state[2], state[3], state[4] = levelled(
                 acc[i, 0] / a, acc[i, 1] / a, acc[i, 2] / a
             )
@@ -100,6 +101,7 @@ def minor(k: np.ndarray, row: int, column: int) -> float:
     """
     r0, r1, r2 = (1 if row < 1 else 0), (2 if row < 2 else 1), (3 if row < 3 else 2)
     c0, c1, c2 = (1 if column < 1 else 0), (2 if column < 2 else 1), (3 if column < 3 else 2)
+    # (-1)^(row + column) times the determinant of what is left, along its first row
     value = (
         k[r0, c0] * (k[r1, c1] * k[r2, c2] - k[r1, c2] * k[r2, c1])
         - k[r0, c1] * (k[r1, c0] * k[r2, c2] - k[r1, c2] * k[r2, c0])

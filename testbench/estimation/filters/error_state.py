@@ -115,6 +115,7 @@ def estimate(
         used: Rows that count.
     """
     for j in range(3):
+        # g' S^-1 z; H has g for the turn and -k g for the offset, so that P H' has what follows
         along = 0.0
         for r in range(used):
             along += g[r, j] * y[r]
@@ -123,6 +124,7 @@ def estimate(
     for row in range(6):
         e[6 + row] = 0.0
         if row < used:
+            # H has 1 for the acceleration, -1 for the disturbance
             e[6 + row] = state[17 + row] * y[row] if row < 3 else -state[17 + row] * y[row]
 
 
@@ -182,6 +184,7 @@ def first_variances(state: np.ndarray, mag: np.ndarray, p: np.ndarray, use_mag: 
         use_mag: Whether to use the magnetometer.
     """
     for j in range(3):
+        # turn [rad^2], offset [rad^2/s^2], acceleration [m^2/s^4], disturbance [uT^2]
         state[11 + j], state[14 + j], state[17 + j], state[20 + j] = (
             6.092348396e-6,
             7.6154354947e-5,
@@ -189,6 +192,7 @@ def first_variances(state: np.ndarray, mag: np.ndarray, p: np.ndarray, use_mag: 
             0.6,
         )
     if use_mag:
+        # the field of reference has no east component
         _, hy, hz = to_earth(state[1], state[2], state[3], state[4], mag[0], mag[1], mag[2])
         scale = p[8] / length(mag) if p[8] > 0.0 else 1.0
         state[26], state[27] = hy * scale, hz * scale

@@ -19,6 +19,7 @@ LOCK = 1e-3
 @njit(cache=True)
 def wrapped(angle: float) -> float:
     """An angle [rad] brought into [-pi, pi)."""
+    # whole turns taken off
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
@@ -34,6 +35,7 @@ def put(out: np.ndarray, roll: float, pitch: float, yaw: float) -> None:
     """
     cr, sr, cp, sp = np.cos(roll / 2), np.sin(roll / 2), np.cos(pitch / 2), np.sin(pitch / 2)
     cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
+    # q(z, yaw) q(y, pitch) q(x, roll), written out
     out[0] = cy * cp * cr + sy * sp * sr
     out[1] = cy * cp * sr - sy * sp * cr
     out[2] = cy * sp * cr + sy * cp * sr
@@ -129,9 +131,11 @@ def propagate(cov: np.ndarray, half: np.ndarray, f: np.ndarray, noise: float) ->
         f: F, shape (3, 3).
         noise: Variance that each angle gains [rad^2].
     """
+    # F P
     for r in range(3):
         for c in range(3):
             half[r, c] = f[r, 0] * cov[0, c] + f[r, 1] * cov[1, c] + f[r, 2] * cov[2, c]
+    # (F P) F' + noise I
     for r in range(3):
         for c in range(3):
             cov[r, c] = half[r, 0] * f[c, 0] + half[r, 1] * f[c, 1] + half[r, 2] * f[c, 2]
@@ -152,6 +156,7 @@ def first(state: np.ndarray, acc: np.ndarray, p: np.ndarray, printed: bool) -> N
         state[0], state[4], state[8], state[12] = 1.0, p[0] * p[0], p[0] * p[0], p[0] * p[0]
     elif length(acc) > 0.0:
         state[0], state[4], state[8] = 1.0, p[1] * p[1], p[2] * p[2]
+        # at rest the force is g (-sin pitch, sin roll cos pitch, cos roll cos pitch)
         state[1], state[2] = (
             np.arctan2(acc[1], acc[2]),
             np.arctan2(-acc[0], np.sqrt(acc[1] * acc[1] + acc[2] * acc[2])),

@@ -31,9 +31,11 @@ def _feedback(sx: float, sy: float, sz: float, rx: float, ry: float, rz: float) 
     """Half the cross product of a measured s and an expected r, both unit vectors; of length 1
     where they differ by more than 90 deg.
     """
+    # s x r, of length sin(angle)
     x, y, z = sy * rz - sz * ry, sz * rx - sx * rz, sx * ry - sy * rx
     k = 0.5
     if sx * rx + sy * ry + sz * rz < 0.0:
+        # beyond 90 deg the sine falls again: its direction at full length
         size = np.sqrt(x * x + y * y + z * z)
         k = 1.0 / size if size > 0.0 else 0.0
     return k * x, k * y, k * z
@@ -60,6 +62,7 @@ def _accepted(
             updated.
     """
     accepted = True
+    # the feedback is half a sine: beyond that of the threshold it is rejected
     if (
         startup
         or not threshold > 0.0
@@ -70,6 +73,7 @@ def _accepted(
     else:
         recovery[0] += dt
         accepted = False
+    # rejected for as long as the timeout: accepted until it is made up for
     if recovery[0] > recovery[1] + 0.5 * dt:
         recovery[1] = 0.0
         accepted = True

@@ -21,6 +21,7 @@ Four = tuple[float, float, float, float]
 @njit(cache=True)
 def turned(w: float, x: float, y: float, z: float, rx: float, ry: float, rz: float) -> Four:
     """The quaternion q exp(r / 2) after a turn by the rotation vector r [rad] in the sensor."""
+    # q exp(r / 2) = q (cos |r|/2, r/|r| sin |r|/2)
     angle2 = rx * rx + ry * ry + rz * rz
     if angle2 > 1e-8:
         angle = np.sqrt(angle2)
@@ -45,6 +46,7 @@ def integrated(state: np.ndarray, rate: np.ndarray, dt: float) -> Four:
         rate: Angular rate, shape (3,) [rad/s].
         dt: The interval [s].
     """
+    # q <- q exp(w dt / 2), the rate constant over the interval
     rx, ry, rz = rate[0] * dt, rate[1] * dt, rate[2] * dt
     return turned(state[1], state[2], state[3], state[4], rx, ry, rz)
 
@@ -66,6 +68,7 @@ def to_earth(w: float, x: float, y: float, z: float, vx: float, vy: float, vz: f
 @njit(cache=True)
 def up_in_sensor(w: float, x: float, y: float, z: float) -> Three:
     """The upward unit vector seen in the sensor frame: the third row of R."""
+    # R' (0, 0, 1)
     return 2.0 * (x * z - w * y), 2.0 * (w * x + y * z), w * w - x * x - y * y + z * z
 
 
@@ -74,6 +77,7 @@ def levelled(ax: float, ay: float, az: float) -> Four:
     """q_earth_from_sensor of least rotation that turns the unit vector a upwards."""
     if az < -1.0 + 1e-12:  # upside down: half a turn about any level axis
         return 0.0, 1.0, 0.0, 0.0
+    # (1 + a . up, a x up) scaled to unit length: half of the angle between them
     w = np.sqrt((1.0 + az) / 2.0)
     return w, ay / (2.0 * w), -ax / (2.0 * w), 0.0
 
@@ -81,6 +85,7 @@ def levelled(ax: float, ay: float, az: float) -> Four:
 @njit(cache=True)
 def to_sensor(w: float, x: float, y: float, z: float, vx: float, vy: float, vz: float) -> Three:
     """A vector of the earth frame seen in the sensor frame: R' v."""
+    # R' v turns by the conjugate of q
     return to_earth(w, -x, -y, -z, vx, vy, vz)
 
 
@@ -97,6 +102,7 @@ def tilt(acc: np.ndarray) -> np.ndarray:
     norm = np.sqrt(acc[0] ** 2 + acc[1] ** 2 + acc[2] ** 2)
     if not norm > 0.0:
         return np.array([1.0, 0.0, 0.0, 0.0])
+    # the unit vector that is upwards
     return np.array(levelled(acc[0] / norm, acc[1] / norm, acc[2] / norm))
 
 
@@ -107,6 +113,7 @@ def length(v: np.ndarray) -> float:
     Args:
         v: Shape (3,).
     """
+    # sqrt(v' v)
     return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
@@ -118,6 +125,7 @@ def usable_force(a: float, gate: float) -> bool:
         a: Its size [m/s^2].
         gate: Largest difference from standard gravity [m/s^2]; 0 takes any force but none.
     """
+    # | |a| - g | <= gate: what is not gravity is acceleration
     return a > 0.0 and (not gate > 0.0 or abs(a - GRAVITY) <= gate)
 
 
@@ -175,6 +183,7 @@ def started(state: np.ndarray, acc: np.ndarray, mag: np.ndarray, use_mag: bool) 
         if not ok:
             return False
     else:
+        # no heading is known: none is turned
         w, x, y, z = levelled(acc[0] / a, acc[1] / a, acc[2] / a)
     state[0] = 1.0
     state[1], state[2], state[3], state[4] = w, x, y, z
@@ -195,6 +204,7 @@ def begin(
         out: Filled with the orientation, shape (4,).
     """
     begun = started(state, acc, mag, use_mag)
+    # until it has begun, the identity
     out[0] = 1.0
     out[1] = out[2] = out[3] = 0.0
     if begun:
@@ -218,6 +228,7 @@ def field_deviates(q: Four, mag: np.ndarray, gate: float, reference: np.ndarray)
     if not gate > 0.0:
         return False
     hx, hy, hz = to_earth(q[0], q[1], q[2], q[3], mag[0], mag[1], mag[2])
+    # horizontal and vertical part of R m
     h = np.sqrt(hx * hx + hy * hy)
     if reference[0] == 0.0 and reference[1] == 0.0:
         reference[0], reference[1] = h, hz
@@ -235,6 +246,8 @@ def factorise(s: np.ndarray, n: int) -> None:
         n: Rows and columns that count.
     """
     for j in range(n):
+        # l_jj = sqrt(s_jj - sum l_jk^2), l_ij = (s_ij - sum l_ik l_jk) / l_jj, column by column
+        # (Golub & Van Loan, Matrix Computations, 4th ed. 2013, section 4.2)
         d = s[j, j]
         for k in range(j):
             d -= s[j, k] * s[j, k]
@@ -262,6 +275,7 @@ def forwards(s: np.ndarray, b: np.ndarray, n: int, first: int) -> float:
     """
     length2 = 0.0
     for i in range(first, n):
+        # b_i = (b_i - sum l_ik b_k) / l_ii
         t = b[i]
         for k in range(first, i):
             t -= s[i, k] * b[k]
@@ -280,6 +294,7 @@ def backwards(s: np.ndarray, b: np.ndarray, n: int) -> None:
         n: Rows that count.
     """
     for i in range(n - 1, -1, -1):
+        # b_i = (b_i - sum l_ki b_k) / l_ii
         t = b[i]
         for k in range(i + 1, n):
             t -= s[k, i] * b[k]

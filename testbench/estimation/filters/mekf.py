@@ -130,11 +130,13 @@ def first_covariance(state: np.ndarray, cov: np.ndarray, p: np.ndarray, use_mag:
         p: Parameters as of `mekf`, shape (k,).
         use_mag: Whether to use the magnetometer.
     """
+    # of an acceleration a, the tilt is off by a / g
     tilting = (p[3] / GRAVITY) ** 2
     heading = p[5] * p[5] if use_mag else tilting
     up = to_sensor(state[1], state[2], state[3], state[4], 0.0, 0.0, 1.0)
     for j in range(3):
         for k in range(3):
+            # a^2 I + (m^2 - a^2) u u', the same as a^2 (I - u u') + m^2 u u'
             cov[j, k] = (heading - tilting) * up[j] * up[k]
         cov[j, j] += tilting
         cov[j + 3, j + 3] = p[2] * p[2]

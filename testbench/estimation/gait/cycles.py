@@ -105,6 +105,7 @@ def _half_swings(s: np.ndarray, first: int, threshold: float) -> np.ndarray:
     count, side = 0, 0
     for i in range(first, len(s)):
         now = 1 if s[i] > threshold else (-1 if s[i] < -threshold else 0)
+        # a half swing begins where the signal leaves the band about zero on the other side
         if now != 0 and now != side:
             found[count, 0], found[count, 2] = i, s[i]
             count, side = count + 1, now

@@ -63,7 +63,7 @@ def gait(
     """
     settings = settings or GaitSettings()
     settings.check(session.sensor_names)
-    given = StoredCalibrations(session, calibrations or [])
+    given = StoredCalibrations.among(calibrations or [], session)
     given.check()
     sensors: dict[str, SensorGait] = {}
     walks: dict[str, Signals] = {}

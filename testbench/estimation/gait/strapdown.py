@@ -212,6 +212,8 @@ def _store(count: int) -> Store:
 @njit(cache=True)
 def _matrix(state: np.ndarray) -> np.ndarray:
     """The rotation matrix of a state, shape (NOMINAL,) to (3, 3)."""
+    # R of a unit quaternion (Solà, Quaternion kinematics for the error-state Kalman filter, 2017,
+    # section 2)
     w, x, y, z = state[6], state[7], state[8], state[9]
     return np.array(
         [
@@ -230,11 +232,13 @@ def _corrected(state: np.ndarray, error: np.ndarray) -> None:
         state: Shape (NOMINAL,); updated.
         error: Shape (18,).
     """
+    # what is added: position, velocity, biases
     for i in range(3):
         state[i] += error[i]
         state[3 + i] += error[3 + i]
         state[10 + i] += error[9 + i]
         state[13 + i] += error[12 + i]
+    # q <- exp(e / 2) q: errors of attitude turn about the axes of the world
     turn = turned(1.0, 0.0, 0.0, 0.0, error[6], error[7], error[8])
     q = product(turn, (state[6], state[7], state[8], state[9]))
     state[6], state[7], state[8], state[9] = q
@@ -256,6 +260,7 @@ def _predicted(
     h = row[6]
     first, last = _matrix(state), state[6:10]
     w, x, y, z = last[0], last[1], last[2], last[3]
+    # q <- q exp(h (w - b) / 2), the rate by the trapezium rule
     rx = h * (0.5 * (before[0] + row[0]) - state[10])
     ry = h * (0.5 * (before[1] + row[1]) - state[11])
     rz = h * (0.5 * (before[2] + row[2]) - state[12])
@@ -264,24 +269,30 @@ def _predicted(
     last[0], last[1], last[2], last[3] = w / size, x / size, y / size, z / size
     then = _matrix(state)
     force = np.zeros(3)
+    # f = R (a - b), the mean of both ends of the step
     for i in range(3):
         for j in range(3):
             force[i] += 0.5 * first[i, j] * (before[3 + j] - state[13 + j])
             force[i] += 0.5 * then[i, j] * (row[3 + j] - state[13 + j])
     measured = np.isfinite(force[0] + force[1] + force[2])
+    # without a force: as at rest, and as unsure as `UNKNOWN_FORCE`
     if not measured:
         force[0], force[1], force[2] = 0.0, 0.0, STANDARD_GRAVITY
     for i in range(3):
+        # v <- v + h (f + g), p <- p + h (v + v') / 2
         speed = state[3 + i]
         state[3 + i] += h * (force[i] - (STANDARD_GRAVITY if i == 2 else 0.0))
         state[i] += 0.5 * h * (speed + state[3 + i])
         for j in range(3):
+            # R halfway, the attitude that F takes
             turn[i, j] = 0.5 * (first[i, j] + then[i, j])
             turn[i, 3 + j] = 0.0
+    # -[f x]: how an error of attitude turns the force, d(v)/dt = -[f x] e (Foxlin 2005)
     turn[0, 4], turn[0, 5] = force[2], -force[1]
     turn[1, 3], turn[1, 5] = -force[2], force[0]
     turn[2, 3], turn[2, 4] = force[1], -force[0]
     carry_covariance(cov, turn, h)
+    # Q: white noise over the step, and what no sample shows between this one and the last
     q_force, q_rate = UNKNOWN_FORCE**2 * h, UNKNOWN_RATE**2 * h
     if measured:
         q_force, q_rate = FORCE_NOISE**2 * h, RATE_NOISE**2 * h
@@ -290,6 +301,7 @@ def _predicted(
     for i in range(3):
         cov[3 + i, 3 + i] += q_force
         cov[6 + i, 6 + i] += q_rate
+        # biases walk
         cov[9 + i, 9 + i] += RATE_BIAS_WALK**2 * h
         cov[12 + i, 12 + i] += FORCE_BIAS_WALK**2 * h
 
@@ -315,18 +327,22 @@ def _updated(
     """
     gain, weight, weighted = kept
     s, error = np.empty((3, 3)), np.zeros(STATES)
+    # S = H P H' + V, H taking three errors that follow one another
     for i in range(3):
         for j in range(3):
             s[i, j] = cov[first + i, first + j] + (variances[i] if i == j else 0.0)
     invert_three(s, weight)
     for i in range(3):
+        # S^-1 z, which the smoother takes (Bierman 1973)
         weighted[i] = weight[i, 0] * z[0] + weight[i, 1] * z[1] + weight[i, 2] * z[2]
+    # K = P H' S^-1, and the error K z
     for i in range(len(cov)):
         for j in range(3):
             gain[i, j] = 0.0
             for k in range(3):
                 gain[i, j] += cov[i, first + k] * weight[k, j]
             error[i] += gain[i, j] * z[j]
+    # P <- P - K H P, which is P - K S K'
     across = cov[first : first + 3, :].copy()
     for i in range(len(cov)):
         for j in range(len(cov)):
@@ -350,6 +366,8 @@ def _still(row: np.ndarray, state: np.ndarray, cov: np.ndarray, score: np.ndarra
         state[16] = 0.0
         return False
     if row[8] > 0.0:
+        # z' S^-1 z of the first zero velocity of an interval: chi-square of 3 degrees of freedom
+        # (Bar-Shalom, Li & Kirubarajan, Estimation with Applications, 2001, section 5.4)
         s, weight, size = np.empty((3, 3)), np.empty((3, 3)), 0.0
         for i in range(3):
             for j in range(3):
@@ -385,10 +403,13 @@ def _measured(
     for i in range(3):
         variances[i] = sd * sd
         if kind == 0:
+            # v = 0, so that z = -v
             z[i] = -state[3 + i]
         elif kind == 1:
+            # w = 0, so that the reading is the bias
             z[i] = row[i] - state[10 + i]
         else:
+            # the height is 0; nothing is said of the other two
             z[i] = -state[2] if i == 2 else 0.0
             variances[i] = sd * sd if i == 2 else UNTOLD
     return FIRST[kind]
@@ -421,6 +442,7 @@ def _forward(
             _predicted(row, rows[start + k - 1], state, cov, turns[k])
         still = _still(row, state, cov, score)
         for kind in range(3):
+            # no update, unless one is made
             gains[k, kind, 0, 0] = np.nan
             if still if kind == 0 else row[8 + kind] > 0.0:
                 first = _measured(kind, row, state, z, variances)
@@ -428,6 +450,7 @@ def _forward(
                 _updated(state, cov, first, z, variances, kept)
         states[k] = state
         covs[k] = cov
+        # the error at this anchor becomes that of the last one: the rows and columns of position
         if row[11] > 0.0:
             for i in range(3):
                 cov[15 + i] = cov[i]
@@ -456,16 +479,19 @@ def _unused(
     """
     gain, weight, weighted = kept
     across, own, along = np.zeros((3, STATES)), weight.copy(), weighted.copy()
+    # along = K' c + S^-1 z, across = K' I
     for i in range(3):
         for k in range(len(information)):
             along[i] += gain[k, i] * costate[k]
             for j in range(len(information)):
                 across[i, j] += gain[k, i] * information[k, j]
+    # own = K' I K + S^-1, of (1 - K H)' I (1 - K H) + H' S^-1 H
     for i in range(3):
         for j in range(3):
             for k in range(len(information)):
                 own[i, j] += across[i, k] * gain[k, j]
     for i in range(3):
+        # c - H' along; I - H' K' I - I K H + H' own H
         costate[first + i] -= along[i]
         for j in range(len(information)):
             information[first + i, j] -= across[i, j]
@@ -487,6 +513,7 @@ def _of_anchor(cov: np.ndarray, information: np.ndarray, out: np.ndarray) -> Non
     half = np.zeros((6, STATES))
     whole = np.empty((6, 6))
     own = (0, 1, 2, 15, 16, 17)
+    # P - P I P (Bierman 1973), of both positions alone
     for i in range(6):
         for j in range(len(cov)):
             for k in range(len(cov)):
@@ -498,6 +525,7 @@ def _of_anchor(cov: np.ndarray, information: np.ndarray, out: np.ndarray) -> Non
                 whole[i, j] -= half[i, k] * cov[k, own[j]]
     for i in range(3):
         for j in range(3):
+            # var(p), and var(p - p') = A - B - B' + C of its blocks
             out[0, i, j] = whole[i, j]
             out[1, i, j] = whole[i, j] - whole[i, 3 + j] - whole[3 + i, j] + whole[3 + i, 3 + j]
 
@@ -535,6 +563,8 @@ def _backward(
     for k in range(min(len(states), len(rows) - start) - 1, -1, -1):
         is_anchor = rows[start + k, 11] > 0.0
         if is_anchor:
+            # transposed of what `_forward` does at an anchor: c and I of the last position, set
+            # to this one there, are added to those of this one
             for i in range(3):
                 costate[i] += costate[15 + i]
                 costate[15 + i] = 0.0
@@ -545,6 +575,7 @@ def _backward(
                 for j in range(len(error)):
                     information[j, i] += information[j, 15 + i]
                     information[j, 15 + i] = 0.0
+        # x = x_filtered - P c (Bierman 1973)
         for i in range(len(error)):
             error[i] = 0.0
             for j in range(len(error)):
@@ -554,6 +585,7 @@ def _backward(
         if is_anchor:
             left -= 1
             _of_anchor(covs[k], information, covariances[left])
+        # updates are undone in reverse order
         for kind in range(2, -1, -1):
             if not np.isnan(gains[k, kind, 0, 0]):
                 kept = gains[k, kind], weights[k, kind], weighted[k, kind]

@@ -23,14 +23,18 @@ def carry_covariance(m: np.ndarray, turn: np.ndarray, h: float) -> None:
         h: The step [s].
     """
     for j in range(len(m)):
+        # p += h v
         for i in range(3):
             m[i, j] += h * m[3 + i, j]
+        # v += h (-[f x] e - R b_a)
         for i in range(3):
             for k in range(3):
                 m[3 + i, j] += h * (turn[i, 3 + k] * m[6 + k, j] - turn[i, k] * m[12 + k, j])
+        # e -= h R b_g
         for i in range(3):
             for k in range(3):
                 m[6 + i, j] -= h * turn[i, k] * m[9 + k, j]
+    # the same of the columns: (F P) F'
     for j in range(len(m)):
         for i in range(3):
             m[j, i] += h * m[j, 3 + i]
@@ -52,13 +56,16 @@ def _rows_back(m: np.ndarray, turn: np.ndarray, h: float) -> None:
         h: The step [s].
     """
     for j in range(len(m)):
+        # the transposed, in reverse order: b_g -= h R' e, b_a -= h R' v
         for i in range(3):
             for k in range(3):
                 m[9 + i, j] -= h * turn[k, i] * m[6 + k, j]
                 m[12 + i, j] -= h * turn[k, i] * m[3 + k, j]
+        # e += h (-[f x])' v
         for i in range(3):
             for k in range(3):
                 m[6 + i, j] += h * turn[k, 3 + i] * m[3 + k, j]
+        # v += h p
         for i in range(3):
             m[3 + i, j] += h * m[i, j]
 
@@ -74,6 +81,7 @@ def carry_back(costate: np.ndarray, m: np.ndarray, turn: np.ndarray, h: float) -
         turn: R and -[f x] side by side, shape (3, 6).
         h: The step [s].
     """
+    # F' c: as the rows of `_rows_back`
     for i in range(3):
         for k in range(3):
             costate[9 + i] -= h * turn[k, i] * costate[6 + k]
@@ -83,6 +91,7 @@ def carry_back(costate: np.ndarray, m: np.ndarray, turn: np.ndarray, h: float) -
             costate[6 + i] += h * turn[k, 3 + i] * costate[3 + k]
     for i in range(3):
         costate[3 + i] += h * costate[i]
+    # F' I, then the same of its columns
     _rows_back(m, turn, h)
     for j in range(len(m)):
         for i in range(3):
@@ -104,11 +113,13 @@ def invert_three(s: np.ndarray, out: np.ndarray) -> None:
         s: Shape (3, 3).
         out: Filled, shape (3, 3).
     """
+    # S^-1 = adj(S) / det(S); the cofactors go round by (i + 1, i + 2)
     for i in range(3):
         a, b = (i + 1) % 3, (i + 2) % 3
         for j in range(3):
             c, d = (j + 1) % 3, (j + 2) % 3
             out[j, i] = s[a, c] * s[b, d] - s[a, d] * s[b, c]
+    # det(S), along its first row
     size = s[0, 0] * out[0, 0] + s[0, 1] * out[1, 0] + s[0, 2] * out[2, 0]
     for i in range(3):
         for j in range(3):
@@ -122,6 +133,7 @@ def make_symmetric(m: np.ndarray) -> None:
     Args:
         m: Shape (n, n); updated.
     """
+    # (M + M') / 2
     for i in range(len(m)):
         for j in range(i):
             m[i, j] = m[j, i] = 0.5 * (m[i, j] + m[j, i])

@@ -163,6 +163,7 @@ def _chained(turns: np.ndarray) -> np.ndarray:
     result = np.empty((len(turns), 4))
     w, x, y, z = 1.0, 0.0, 0.0, 0.0
     for i in range(len(turns)):
+        # q_i = q_{i-1} turn_i, scaled to unit length
         w, x, y, z = rotation.product(
             (w, x, y, z), (turns[i, 0], turns[i, 1], turns[i, 2], turns[i, 3])
         )

@@ -196,7 +196,7 @@ def description(source: ExportSource, tables: dict[str, Table]) -> dict[str, Any
         "software": software(),
         "session": source.session.name,
         "started_utc": manifest.started_utc,
-        "protocol": manifest.content.get("protocol"),
+        "protocol": manifest.protocol.written() or None,
         "filters": [key for key in source.filters if key != TRUTH],
         "parameters": settings_of(source, source.filters),
         "conventions": conventions(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from testbench.formats.units import known_unit
+from testbench.formats.tables.units import known_unit
 
 _WORDS_OF_TIME = {"millis": "ms", "milliseconds": "ms", "ms": "ms", "micros": "us"}
 _WORDS_OF_TIME |= {"microseconds": "us", "us": "us", "nanos": "ns", "nanoseconds": "ns"}

@@ -15,7 +15,7 @@ from testbench.formats.guessing.seen import Quantity, Seen, column_of, name_of, 
 from testbench.formats.guessing.titles import TRIADS, read_title, unit_of
 from testbench.formats.plausibility import gather, unit_that_fits
 from testbench.formats.tables.text_table import TextTable
-from testbench.formats.units import SECONDS
+from testbench.formats.tables.units import SECONDS
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.session.samples import ImuSamples

@@ -25,7 +25,7 @@ from testbench.formats.plausibility import gather, told_unit
 from testbench.formats.recording import ImportedSensor
 from testbench.formats.tables.samples_stream import SampleStream, measured_rate
 from testbench.formats.tables.source import Kind, first_rows
-from testbench.formats.units import find_unit
+from testbench.formats.tables.units import find_unit
 
 FULL_SCALE_KEYS = {"acc": "acc_m_s2", "gyr": "gyr_rad_s"}
 

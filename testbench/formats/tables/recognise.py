@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from testbench.formats.units import TimeUnit
+from testbench.formats.tables.units import TimeUnit
 
 _KINDS = {
     "acc": r"accelerometers?|accelerations?|accels?|acc|aceleracion|aceler[oó]metro",

@@ -13,7 +13,7 @@ import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.formats.tables.source import Columns, Kind
-from testbench.formats.units import SECONDS, TimeUnit
+from testbench.formats.tables.units import SECONDS, TimeUnit
 from testbench.frames import NANOSECONDS
 
 DAY_S, MINUTE_S = 86_400, 60

@@ -129,7 +129,7 @@ def _checked(found: list[Chosen], joints: Mapping[str, BodyJoint], flag: str) ->
             raise InputError(f"{flag} names one angle of joint '{name}' twice; say which holds")
         if INDEX[joints[name].flexion] not in places:
             raise InputError(
-                f"a joint is judged by its flexion: name that of '{name}', too, with {flag} "
+                f"a joint is evaluated by its flexion: name that of '{name}', too, with {flag} "
                 f"{name}.flexion=COLUMN"
             )
     return found

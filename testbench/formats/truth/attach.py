@@ -22,6 +22,7 @@ from testbench.formats.tables.samples_stream import Quantities, SampleStream, st
 from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import TextTable, find_table, head_of
 from testbench.formats.tables.timeline import LATEST_NS, RegularTime
+from testbench.formats.tables.units import find_unit
 from testbench.formats.truth.angle_names import guessed_angles, stated_angles
 from testbench.formats.truth.angle_table import AngleUnit, is_coordinates, read_angles
 from testbench.formats.truth.angles import give_angles
@@ -38,7 +39,6 @@ from testbench.formats.truth.robot_log import (
 )
 from testbench.formats.truth.ros_truth import give_bag_truth, joint_log
 from testbench.formats.truth.times import ask_if_too_long, later_than_samples_ns, truth_stamps
-from testbench.formats.units import find_unit
 from testbench.frames import NANOSECONDS
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.findings.catalogue import finding

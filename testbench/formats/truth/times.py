@@ -11,8 +11,8 @@ from testbench.formats.stamps import LOWEST_HZ, LOWEST_OF_TRUTH_HZ, Asking, Stam
 from testbench.formats.tables.parquet_table import ParquetTable
 from testbench.formats.tables.recognise import find_time
 from testbench.formats.tables.text_table import TextTable
+from testbench.formats.tables.units import SECONDS, unit_names
 from testbench.formats.truth.joint_cells import JointCells
-from testbench.formats.units import SECONDS, unit_names
 from testbench.frames import NANOSECONDS
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding

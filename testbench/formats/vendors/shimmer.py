@@ -22,7 +22,7 @@ from testbench.formats.table_sensors import Layout, table_sensor
 from testbench.formats.tables.fields import split_line
 from testbench.formats.tables.recognise import Found
 from testbench.formats.tables.text_table import TextTable, find_table, head_of
-from testbench.formats.units import TimeUnit, known_unit
+from testbench.formats.tables.units import TimeUnit, known_unit
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 

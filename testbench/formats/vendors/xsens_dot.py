@@ -34,7 +34,7 @@ from testbench.formats.tables.samples_stream import (
 )
 from testbench.formats.tables.source import Columns, Kind
 from testbench.formats.tables.text_table import TextTable, find_table
-from testbench.formats.units import SECONDS, TimeUnit
+from testbench.formats.tables.units import SECONDS, TimeUnit
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.records.findings.catalogue import finding

@@ -324,5 +324,5 @@ def too_few(duration_s: float, memory_s: float) -> str:
     """Why nothing is inferred from a section."""
     return (
         f"not known from this session: errors may hang together over {memory_s:.3g} s "
-        f"of the {duration_s:.3g} s judged"
+        f"of the {duration_s:.3g} s evaluated"
     )

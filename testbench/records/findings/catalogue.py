@@ -7,7 +7,7 @@ from string import Formatter
 from typing import Any
 
 from testbench.records.findings.finding import Finding, Value
-from testbench.records.findings.words import (
+from testbench.records.findings.templates import (
     alignment,
     calibration,
     consistency,
@@ -25,7 +25,7 @@ from testbench.records.findings.words import (
     truth,
     units,
 )
-from testbench.records.findings.words.template import Template
+from testbench.records.findings.templates.template import Template
 
 SUBJECTS: tuple[dict[str, Template], ...] = (
     general.TEMPLATES,

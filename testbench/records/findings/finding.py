@@ -4,19 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
+
+from testbench.records.findings.templates.severity import Severity
+
+__all__ = ["Finding", "Severity", "Value", "told_once"]
 
 Value = str | int | float | list[str]
 """A named value of a finding; numbers in the unit that the name ends in."""
-
-
-class Severity(StrEnum):
-    """How much a finding weighs; what cannot be right at all is refused by an error instead."""
-
-    NOTE = "note"
-    """Worth knowing; no result is wrong by it."""
-    WARNING = "warning"
-    """A result may be wrong by it, or something was left out."""
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 import yaml
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from testbench.clock import utc_text
 from testbench.exceptions import InputError
+from testbench.records.disk.json_record import first_problem
 from testbench.records.disk.replacing import stored_where_asked, write_text
 from testbench.records.disk.yaml_file import YamlDocument, load_yaml
 from testbench.records.findings.earlier import read_again
@@ -21,7 +22,7 @@ from testbench.records.results.calibration import MountingCalibration, TriadCali
 from testbench.records.results.fit import Fit
 from testbench.records.specs.strict import Angles3, Name, StrictModel, UtcText
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION: Final = 1
 SUFFIXES = (".yaml", ".yml")
 TRIADS = ("accelerometer", "gyroscope", "magnetometer")
 MOST_SCALE = 2.0
@@ -31,6 +32,11 @@ the pen.
 UNITS = {"accelerometer": "m_s2", "gyroscope": "rad_s", "magnetometer": "uT"}
 
 Rows = Annotated[list[Angles3], Field(min_length=3, max_length=3)]
+
+
+def _known(value: float) -> float | None:
+    """Null for what is infinite or not known."""
+    return float(value) if np.isfinite(value) else None
 
 
 class FitEntry(StrictModel):
@@ -50,6 +56,21 @@ class FitEntry(StrictModel):
     residual_rms: float | None = Field(default=None, description="What the fit leaves.")
     residual_unit: str = Field(default="", description="Its unit.")
 
+    @staticmethod
+    def of(fit: Fit) -> FitEntry:
+        """What is kept of a fit."""
+        return FitEntry(
+            names=list(fit.names),
+            units=list(fit.units),
+            values=fit.values.tolist(),
+            sd=fit.sd.tolist(),
+            covariance=fit.covariance.tolist(),
+            dof=_known(fit.dof),
+            condition=_known(fit.condition),
+            residual_rms=_known(fit.residual_rms),
+            residual_unit=fit.residual_unit,
+        )
+
     def fit(self) -> Fit:
         """The fit; of its residuals only the RMS was kept."""
         residuals = np.zeros(0) if self.residual_rms is None else np.array([self.residual_rms])
@@ -65,13 +86,18 @@ class FitEntry(StrictModel):
         )
 
 
-class _TriadEntry(StrictModel):
+class _Corrections(StrictModel):
     """Corrections of three axes: corrected = matrix (raw - bias - drift (T - reference) - g_matrix
     force).
     """
 
     method: str = Field(min_length=1, description="As `testbench calibrate` spells it.")
     matrix: Rows = Field(description="3 by 3, rows.")
+
+
+class _Evidence(StrictModel):
+    """What the corrections of three axes rest on; the last keys of their entry."""
+
     reference_deg_c: float | None = Field(
         default=None, description="Temperature that the bias holds at [deg C]."
     )
@@ -82,34 +108,47 @@ class _TriadEntry(StrictModel):
     remarks: list[str] = Field(default=[], description="What a user must know.")
 
 
-class AccelerometerEntry(_TriadEntry):
-    """Corrections of an accelerometer."""
-
+class _Force(_Corrections):
     bias_m_s2: Angles3 = Field(description="[m/s^2].")
     drift_m_s2_k: Angles3 = Field(
         default=[0.0, 0.0, 0.0], description="Change of the bias with temperature [m/s^2/K]."
     )
 
 
-class GyroscopeEntry(_TriadEntry):
-    """Corrections of a gyroscope."""
-
+class _Rate(_Corrections):
     bias_rad_s: Angles3 = Field(description="[rad/s].")
-    drift_rad_s_k: Angles3 = Field(
-        default=[0.0, 0.0, 0.0], description="Change of the bias with temperature [rad/s/K]."
-    )
     g_matrix_rad_s_per_m_s2: Rows | None = Field(
         default=None, description="Response to specific force; null: none."
     )
+    drift_rad_s_k: Angles3 = Field(
+        default=[0.0, 0.0, 0.0], description="Change of the bias with temperature [rad/s/K]."
+    )
 
 
-class MagnetometerEntry(_TriadEntry):
-    """Corrections of a magnetometer."""
-
+class _Field(_Corrections):
     bias_uT: Angles3 = Field(description="Hard iron [uT].")
     drift_uT_k: Angles3 = Field(
         default=[0.0, 0.0, 0.0], description="Change of the bias with temperature [uT/K]."
     )
+
+
+class AccelerometerEntry(_Evidence, _Force):
+    """Corrections of an accelerometer."""
+
+
+class GyroscopeEntry(_Evidence, _Rate):
+    """Corrections of a gyroscope."""
+
+
+class MagnetometerEntry(_Evidence, _Field):
+    """Corrections of a magnetometer."""
+
+
+ENTRIES: dict[str, type[AccelerometerEntry | GyroscopeEntry | MagnetometerEntry]] = {
+    "accelerometer": AccelerometerEntry,
+    "gyroscope": GyroscopeEntry,
+    "magnetometer": MagnetometerEntry,
+}
 
 
 class MountingEntry(StrictModel):
@@ -246,33 +285,17 @@ def save_calibration(file: Path, calibration: SensorCalibration) -> None:
     """Write a calibration file.
 
     Raises:
-        InputError: The file exists already, or cannot be written.
+        InputError: The file exists already, or cannot be written, or a figure is no number.
     """
     if file.suffix not in SUFFIXES:
         raise InputError(f"{file}: a calibration is a .yaml file")
-    data: dict[str, Any] = {
-        "schema_version": SCHEMA_VERSION,
-        "sensor": calibration.sensor,
-        "device": calibration.device,
-        "calibrated_utc": utc_text(calibration.calibrated),
-        "session": calibration.session,
-        "fingerprint": calibration.fingerprint,
-        "software": calibration.software,
-        "temperature_deg_c": calibration.temperature,
-    }
-    data |= {triad: _entry(triad, found) for triad, found in calibration.triads.items()}
-    if calibration.mounting is not None:
-        mounting = calibration.mounting
-        data["mounting"] = {
-            "method": mounting.method,
-            "matrix": mounting.R_believed_from_sensor.tolist(),
-            "rotation_deg": np.degrees(mounting.fit.values).tolist(),
-            "fit": _fit_entry(mounting.fit),
-            "remarks": list(mounting.remarks),
-        }
-    data["findings"] = [
-        asdict(own) | {"severity": own.severity.value} for own in calibration.findings
-    ]
+    try:
+        entry = _entry(calibration)
+    except ValidationError as error:
+        raise InputError(
+            f"{file}: nothing was written, for the calibration is none: {first_problem(error)}"
+        ) from None
+    data = entry.model_dump(mode="json", exclude_unset=True)
     text = yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
     with stored_where_asked(file):
         write_text(file, text, anew=True)
@@ -407,39 +430,49 @@ def load_calibrations(path: Path) -> list[SensorCalibration]:
     return [load_calibration(path)]
 
 
-def _entry(triad: str, found: TriadCalibration) -> dict[str, Any]:
+def _entry(calibration: SensorCalibration) -> CalibrationEntry:
+    """What a file holds of a calibration; what it has none of is left away."""
+    parts: dict[str, Any] = {
+        triad: _triad_entry(triad, found) for triad, found in calibration.triads.items()
+    }
+    if calibration.mounting is not None:
+        parts["mounting"] = MountingEntry(
+            method=calibration.mounting.method,
+            matrix=calibration.mounting.R_believed_from_sensor.tolist(),
+            rotation_deg=np.degrees(calibration.mounting.fit.values).tolist(),
+            fit=FitEntry.of(calibration.mounting.fit),
+            remarks=list(calibration.mounting.remarks),
+        )
+    return CalibrationEntry(
+        schema_version=SCHEMA_VERSION,
+        sensor=calibration.sensor,
+        device=calibration.device,
+        calibrated_utc=utc_text(calibration.calibrated),
+        session=calibration.session,
+        fingerprint=calibration.fingerprint,
+        software=calibration.software,
+        temperature_deg_c=calibration.temperature,
+        **parts,
+        findings=[FindingEntry.model_validate(asdict(own)) for own in calibration.findings],
+    )
+
+
+def _triad_entry(triad: str, found: TriadCalibration) -> StrictModel:
+    """The corrections of a triad, in its unit."""
     unit = UNITS[triad]
-    entry: dict[str, Any] = {
-        "method": found.method,
-        "matrix": found.matrix.tolist(),
-        f"bias_{unit}": found.bias.tolist(),
-    }
+    given: dict[str, Any] = {f"bias_{unit}": found.bias.tolist()}
     if found.g_matrix.any():
-        entry["g_matrix_rad_s_per_m_s2"] = found.g_matrix.tolist()
+        given["g_matrix_rad_s_per_m_s2"] = found.g_matrix.tolist()
     if found.drift.any():
-        entry[f"drift_{unit}_k"] = found.drift.tolist()
-        entry["reference_deg_c"] = found.reference
-    entry["fits"] = [_fit_entry(fit) for fit in found.fits]
-    entry["validation"] = {key: float(value) for key, value in found.validation.items()}
-    entry["remarks"] = list(found.remarks)
-    return entry
-
-
-def _fit_entry(fit: Fit) -> dict[str, Any]:
-    def known(value: float) -> float | None:
-        return float(value) if np.isfinite(value) else None
-
-    return {
-        "names": list(fit.names),
-        "units": list(fit.units),
-        "values": fit.values.tolist(),
-        "sd": fit.sd.tolist(),
-        "covariance": fit.covariance.tolist(),
-        "dof": known(fit.dof),
-        "condition": known(fit.condition),
-        "residual_rms": known(fit.residual_rms),
-        "residual_unit": fit.residual_unit,
-    }
+        given |= {f"drift_{unit}_k": found.drift.tolist(), "reference_deg_c": found.reference}
+    return ENTRIES[triad](
+        method=found.method,
+        matrix=found.matrix.tolist(),
+        fits=[FitEntry.of(fit) for fit in found.fits],
+        validation={key: float(value) for key, value in found.validation.items()},
+        remarks=list(found.remarks),
+        **given,
+    )
 
 
 def _triad(triad: str, entry: Any) -> TriadCalibration:

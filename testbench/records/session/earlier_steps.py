@@ -32,13 +32,13 @@ class EarlierSteps:
         """For people."""
         if not self.names:
             return (
-                f"goes on from session {self.session}, and has all {self.planned} judged steps "
+                f"goes on from session {self.session}, and has all {self.planned} evaluated steps "
                 "itself"
             )
         more = len(self.names) - MOST_NAMES
         listed = "; ".join(self.names[:MOST_NAMES]) + (f"; and {more} more" if more > 0 else "")
         return (
-            f"goes on from session {self.session}: {len(self.names)} of {self.planned} judged "
+            f"goes on from session {self.session}: {len(self.names)} of {self.planned} evaluated "
             "steps lie there and are not in "
             f"these results ({listed}); read both reports beside each other"
         )

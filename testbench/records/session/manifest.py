@@ -6,6 +6,7 @@ checked by its type, what is not known is kept and written again.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -36,6 +37,10 @@ arm's entry named only its driver.
 """
 
 
+PASSING = {"statistics", "battery_percent", "rssi_dbm"}
+"""Entries of a sensor that differ from one moment to the next."""
+
+
 class RunStatus(StrEnum):
     """How the bench fared; says nothing of the sensor."""
 
@@ -52,7 +57,17 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="ignore", strict=True, frozen=True, allow_inf_nan=False)
 
 
-class FullScale(_Part):
+class _WholePart(_Part):
+    """One of which also those keys are read that are not named here."""
+
+    model_config = ConfigDict(extra="allow")
+
+    def written(self) -> dict[str, Any]:
+        """As it stands in the file."""
+        return self.model_dump(mode="json", exclude_unset=True)
+
+
+class FullScale(_WholePart):
     """Largest magnitude that each axis can report; None where nobody says.
 
     Attributes:
@@ -64,7 +79,7 @@ class FullScale(_Part):
     gyr_rad_s: Annotated[float, Field(gt=0)] | None = None
 
 
-class SensorRecord(_Part):
+class SensorRecord(_WholePart):
     """What is known of a sensor, beside what the protocol says of it.
 
     Attributes:
@@ -110,6 +125,15 @@ class SensorRecord(_Part):
     truth_sd_from: str | None = None
     statistics: dict[str, Any] = {}
 
+    @staticmethod
+    def of(described: Mapping[str, Any]) -> SensorRecord:
+        """What a sensor says of itself today."""
+        return SensorRecord.model_validate(plain_values(described))
+
+    def identity(self) -> dict[str, Any]:
+        """What must not change of a sensor: not what it counted, nor how full its battery is."""
+        return {key: value for key, value in self.written().items() if key not in PASSING}
+
 
 class JointTruthRecord(_Part):
     """What is known of the true angles that came with an import, of one joint.
@@ -125,7 +149,7 @@ class JointTruthRecord(_Part):
     offset_s: float | None = None
 
 
-class ProtocolRecord(_Part):
+class ProtocolRecord(_WholePart):
     """What was run; of an import or a recording its name, and a sentence."""
 
     name: str | None = None

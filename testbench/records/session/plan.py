@@ -174,7 +174,7 @@ class FlexionUse:
         """For people."""
         said = (
             f"{self.joint}: {self.definition} {self.lowest_deg:.1f} to {self.highest_deg:.1f} "
-            f"deg in the judged {self.kind}"
+            f"deg in the evaluated {self.kind}"
         )
         if self.arm_deg is not None:
             said += ", {} {:.1f} to {:.1f}".format(self.arm, *self.arm_deg)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.records.disk.near import MOST_THINNED, is_long, read_near
-from testbench.records.disk.pieces import overlapping
+from testbench.records.disk.chunks import overlapping
+from testbench.records.disk.neighbouring_rows import MOST_THINNED, is_long, read_near
 from testbench.records.disk.tables import (
     ROWS_PER_GROUP,
     parquet_shape,

@@ -19,7 +19,7 @@ from pydantic import ValidationError
 
 from testbench.exceptions import NotFoundError, SessionError
 from testbench.records.disk.json_record import first_problem
-from testbench.records.disk.near import Instants, is_long, read_near
+from testbench.records.disk.neighbouring_rows import Instants, is_long, read_near
 from testbench.records.disk.tables import ROWS_PER_GROUP, parquet_shape, read_parquet
 from testbench.records.session.body_joints import with_body
 from testbench.records.session.layout import (

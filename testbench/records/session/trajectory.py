@@ -7,13 +7,18 @@ lost. Between knots q, v and a are exact derivatives of one another.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
 from testbench.frames import NANOSECONDS
+
+TrueState = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+"""True angles [rad], rates [rad/s] and accelerations [rad/s^2] of joints at host times [ns], as of
+`Trajectory.at`.
+"""
 
 
 @dataclass(frozen=True)

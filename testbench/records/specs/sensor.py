@@ -14,7 +14,7 @@ from testbench.exceptions import InputError, NotFoundError
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.disk.replacing import stored_where_asked, write_text
 from testbench.records.disk.yaml_file import load_yaml
-from testbench.records.specs.shipped import shipped_data
+from testbench.records.specs.shipped import shipped_data, shipped_names
 from testbench.records.specs.strict import Angles3, StrictModel
 
 PRESETS = shipped_data("model", "presets")
@@ -304,4 +304,4 @@ def save_sensor(file: Path, parameters: ImuParameters) -> None:
 
 def list_presets() -> list[str]:
     """Names of the sensor presets."""
-    return sorted(path.stem for path in PRESETS.glob("*.yaml"))
+    return shipped_names(PRESETS)

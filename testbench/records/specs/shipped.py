@@ -14,6 +14,11 @@ def shipped_folder(name: str) -> Path:
     return source if (PACKAGE.parent / "pyproject.toml").is_file() else PACKAGE / "shipped" / name
 
 
+def shipped_names(folder: Path) -> list[str]:
+    """Names of the YAML files that ship in a folder."""
+    return sorted(file.stem for file in folder.glob("*.yaml"))
+
+
 def shipped_data(room: str, kind: str) -> Path:
     """The folder of the files that ship inside a room of the package.
 

@@ -23,7 +23,17 @@ from testbench.reporting.page.figures import (
 )
 from testbench.reporting.page.page import Block, Figures, Heading, Section, Sentence
 from testbench.reporting.page.palette import REFERENCE
-from testbench.reporting.page.tables import Cell, Row, Table, digits, header, label, number, text
+from testbench.reporting.page.tables import (
+    Cell,
+    Row,
+    Table,
+    digits,
+    header,
+    label,
+    mean_of_known,
+    number,
+    text,
+)
 from testbench.reporting.sections.cycle import cycle_blocks
 from testbench.reporting.sections.findings import finding_sentences
 from testbench.reporting.sections.flexion import (
@@ -104,7 +114,7 @@ def joint_section(
         filters = list(dict.fromkeys(row.filter for row in rows))
         section.blocks += relative_heading_blocks(evaluation, joint, filters, colours, spans)
     if not joints:
-        section.blocks.append(Sentence("No joint angle was judged in this session."))
+        section.blocks.append(Sentence("No joint angle was evaluated in this session."))
     return section
 
 
@@ -128,7 +138,7 @@ def _summaries(joint: str, rows: list[JointRow], evaluation: Evaluation) -> list
             for r in mine
             if item.motion == "all" or (r.kind == "sweep") == (item.motion == "dynamic")
         ]
-        others = [_mean([row.other_mean_abs_error_deg[i] for row in mine]) for i in (0, 1)]
+        others = [mean_of_known([row.other_mean_abs_error_deg[i] for row in mine]) for i in (0, 1)]
         leading = [label(item.filter), text(item.sequence), text(item.section), text(item.motion)]
         mark = (
             [text("outlier" if any(_same_place(row, item) for row in far) else "")] if far else []
@@ -210,7 +220,7 @@ def _by_angle(joint: str, evaluation: Evaluation) -> list[Block]:
         f"Errors of {joint} by angle",
         header("filter", "sequence", "angle", "samples", *titles, numbers_from=3),
         body,
-        "How to read: each angle by itself, over all that is judged. RMS e holds all that is "
+        "How to read: each angle by itself, over all that is evaluated. RMS e holds all that is "
         "constant in the error, such as a zero that another pose or definition gave the truth; "
         "the column beside it is without the mean. The range is that of the true angle.",
     )
@@ -230,11 +240,6 @@ def _of_magnitudes(found: list[JointSummary]) -> str:
         if item.expanded_uncertainty_magnitude_deg is not None
     ]
     return f", and at most {digits(max(known), 3)} deg for the columns without it" if known else ""
-
-
-def _mean(values: list[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known else None
 
 
 def _pose_blocks(
@@ -314,7 +319,11 @@ def _flexion_table(where: str, errors: PoseErrors, published: PublishedResults |
             ]
             body.append(
                 Row(
-                    [label(name), *cells, number(_mean([e.mean_abs if e else None for e in found]))]
+                    [
+                        label(name),
+                        *cells,
+                        number(mean_of_known([e.mean_abs if e else None for e in found])),
+                    ]
                 )
             )
             for row, values in [item for item in waiting if name in item[0].filters]:
@@ -358,7 +367,8 @@ def _lowest(errors: PoseErrors, sequence: str) -> list[float]:
 
 def _published_row(table: str, what: str, values: list[float | None]) -> Row:
     return Row(
-        [Cell(table, what, head=True)] + [number(value) for value in (*values, _mean(values))],
+        [Cell(table, what, head=True)]
+        + [number(value) for value in (*values, mean_of_known(values))],
         "published",
     )
 
@@ -451,8 +461,11 @@ def _sweep_blocks(joint: str, section: str, errors: SweepErrors) -> list[Block]:
             ]
             + [number(v, 3) for v in (e.mean, e.mean_abs, e.rmse, e.max_abs)]
             + [
-                number(_mean([row.flexion_correlation for row in errors.sweeps[key, values]]), 4),
-                number(_mean([row.latency_ms for row in errors.sweeps[key, values]]), 1),
+                number(
+                    mean_of_known([row.flexion_correlation for row in errors.sweeps[key, values]]),
+                    4,
+                ),
+                number(mean_of_known([row.latency_ms for row in errors.sweeps[key, values]]), 1),
             ]
         )
         for (key, values), e in sorted(
@@ -477,8 +490,8 @@ def _sweep_blocks(joint: str, section: str, errors: SweepErrors) -> list[Block]:
 def _measured(rows: list[JointRow], samples: int) -> list[Cell]:
     """Amplitude and frequency of sweeps as they were, and the samples."""
     amplitude, frequency = (
-        _mean([row.amplitude_deg for row in rows]),
-        _mean([row.frequency_hz for row in rows]),
+        mean_of_known([row.amplitude_deg for row in rows]),
+        mean_of_known([row.frequency_hz for row in rows]),
     )
     return [number(amplitude, 1), number(frequency, 2), number(samples, 0)]
 
@@ -560,7 +573,7 @@ def _time_blocks(
         Figures(
             f"Signed flexion error over time: {joint}",
             {f"signed flexion error of {joint} over time": figure},
-            "How to read: estimated minus true flexion, only where it is judged; gaps are moves "
+            "How to read: estimated minus true flexion, only where it is evaluated; gaps are moves "
             "and calibration. Long recordings show the lowest and highest error of each short "
             f"span, so no peak is lost. Dotted lines begin a section.{hidden_names(far)}",
         )

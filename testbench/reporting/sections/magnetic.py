@@ -89,9 +89,9 @@ def _following(evaluation: Evaluation, sensor: str) -> list[Block]:
             Sentence(
                 f"How much of the field's heading each filter follows at {sensor} cannot be told: "
                 f"against its mean over the minute around, the heading changes by {change} deg "
-                f"(SD) over {found[0].n / 2:.0f} s of judged samples. It takes 0.2 deg and three "
-                "minutes. On the simulated bench, what the field costs is seen by another run with "
-                "the same seed and environment: {arm_magnetism: false}."
+                f"(SD) over {found[0].n / 2:.0f} s of evaluated samples. It takes 0.2 deg and "
+                "three minutes. On the simulated bench, what the field costs is seen by another "
+                "run with the same seed and environment: {arm_magnetism: false}."
             )
         ]
     rows = [
@@ -151,7 +151,7 @@ def _against(evaluation: Evaluation, sensor: str, colours: dict[str, str]) -> li
         f"RMS heading error [deg] by how far the field was disturbed: {sensor}",
         [Cell("disturbance"), Cell("from to"), *header("samples", *filters, numbers_from=0)],
         body,
-        "How to read: all judged samples, in classes of the deviation from the field of the "
+        "How to read: all evaluated samples, in classes of the deviation from the field of the "
         "reference pose.",
         folded=True,
     )
@@ -189,6 +189,6 @@ def _over_time(evaluation: Evaluation, sensor: str, spans: list[Span]) -> list[B
                 )
             },
             "How to read: deviations of norm, dip and heading of the field from those of the "
-            "reference pose, by the true orientation; only judged samples are drawn.",
+            "reference pose, by the true orientation; only evaluated samples are drawn.",
         )
     ]

@@ -80,14 +80,14 @@ def motion_tiles(evaluation: Evaluation) -> list[Tile]:
             if cycles is not None
             else ""
         )
-        detail = f"{row.filter}, {row.sequence}; not judged{often}"
+        detail = f"{row.filter}, {row.sequence}; not evaluated{often}"
         tiles.append(Tile(digits(row.range_deg, 1), "deg", f"range of flexion, {joint}", detail))
     return tiles
 
 
 def _title(what: str, evaluation: Evaluation) -> str:
     """Of a section, told apart from that of what was judged."""
-    return f"{what}, not judged" if evaluation.judged else what
+    return f"{what}, not evaluated" if evaluation.judged else what
 
 
 def _owners(evaluation: Evaluation, kind: str) -> list[str]:
@@ -361,8 +361,8 @@ def _ranges(caption: str, rows: list[AngleRangeRow], folded: bool = False) -> Ta
         )
         + header("sequence"),
         body,
-        "How to read: over the whole recording, by estimates that nobody judged. A dash: passages "
-        "of gimbal lock leave whole turns open, or the angle is not defined by itself.",
+        "How to read: over the whole recording, by estimates that nobody evaluated. A dash: "
+        "passages of gimbal lock leave whole turns open, or the angle is not defined by itself.",
         folded=folded,
     )
 

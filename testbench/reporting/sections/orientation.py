@@ -48,7 +48,7 @@ def orientation_section(
     if not evaluation.orientation:
         section.blocks.append(
             Sentence(
-                "No orientation was judged in this session: nobody knows the true one, or no "
+                "No orientation was evaluated in this session: nobody knows the true one, or no "
                 "filter could run."
             )
         )
@@ -97,8 +97,8 @@ def _over_time(
         "How to read: total is the angle between estimated and true orientation; heading is its "
         "part about the vertical, inclination the rest. A heading that runs away is that of a "
         "filter without magnetometer, or of one that is still turning to a field other than that "
-        "of the reference pose. Only judged samples are drawn; long recordings show the lowest and "
-        "highest error of each short span." + hidden_names(far),
+        "of the reference pose. Only evaluated samples are drawn; long recordings show the lowest "
+        "and highest error of each short span." + hidden_names(far),
     )
 
 
@@ -176,8 +176,8 @@ def _by_filter(evaluation: Evaluation, found: Summaries) -> Table:
         "Orientation error of each sensor by each filter",
         titles + ([Cell("remark")] if any(far.values()) else []),
         rows,
-        "How to read: over all judged samples; bold is the lowest of a sensor. In square brackets: "
-        f"the 95 % confidence interval; it {REPEATED} Inclination is "
+        "How to read: over all evaluated samples; bold is the lowest of a sensor. In square "
+        f"brackets: the 95 % confidence interval; it {REPEATED} Inclination is "
         "what gravity can correct, heading what only a magnetometer or a known start can. "
         f"{_stated(evaluation)}" + how_remarks(any(far.values())),
     )
@@ -220,7 +220,7 @@ def _by_motion(evaluation: Evaluation, found: Summaries) -> Table:
             numbers_from=3,
         ),
         rows,
-        "How to read: static are the judged samples at which the sensor was at rest by its own "
+        "How to read: static are the evaluated samples at which the sensor was at rest by its own "
         "gyroscope, dynamic the others.",
         folded=True,
     )

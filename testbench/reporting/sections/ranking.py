@@ -51,7 +51,7 @@ def ranking_blocks(evaluation: Evaluation, owner: str, section: str | None = Non
             if len(several) < 2
             else "one short sweep does not tell an offset of the session from what they differ by"
             if [kind for _, kind in judged] == ["sweep"]
-            else "their errors may last too long for what was judged, so that nothing is known "
+            else "their errors may last too long for what was evaluated, so that nothing is known "
             "from this session"
         )
         return [Sentence(f"The filters are not ranked for {where}: {reason}.")]

@@ -144,7 +144,7 @@ def run_section(session: Session, evaluation: Evaluation | None = None) -> Secti
         if session.steps
         else Sentence(
             "The session lists no steps"
-            + (": it is judged as a whole." if evaluation is None or evaluation.judged else ".")
+            + (": it is evaluated as a whole." if evaluation is None or evaluation.judged else ".")
         )
     )
     environment = session.manifest.environment

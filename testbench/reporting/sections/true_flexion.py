@@ -49,7 +49,7 @@ def flexion_blocks(
             f"Estimated and true flexion over time: {joint}",
             {f"estimated and true flexion of {joint} over time": figure},
             "How to read: the dotted line is the truth, the others the estimates, by the joint's "
-            "own definition and only where they are judged. Where they cannot be told apart the "
+            "own definition and only where they are evaluated. Where they cannot be told apart the "
             "figure of the errors, below, does. Drag over a stretch to see it closer.",
         )
     ]

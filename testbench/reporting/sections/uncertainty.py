@@ -27,7 +27,7 @@ def uncertainty_section(evaluation: Evaluation, session: Session) -> Section:
     section = Section("uncertainty", "Uncertainty of the truth")
     if not evaluation.uncertainty:
         section.blocks.append(
-            Sentence("Nothing was judged against a truth, so there is no uncertainty to state.")
+            Sentence("Nothing was evaluated against a truth, so there is no uncertainty to state.")
         )
         return section
     budgets = sorted(

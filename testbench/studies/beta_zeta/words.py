@@ -38,7 +38,7 @@ DIFFERENCE = (
 )
 
 MAP_HOW = (
-    "How to read: RMS error [deg] over what is judged of the first part, beta in rad/s, zeta in "
+    "How to read: RMS error [deg] over what is evaluated of the first part, beta in rad/s, zeta in "
     "rad/s²."
 )
 STATE = (
@@ -74,7 +74,7 @@ MAPS = {
 
 GAINS_HOW = (
     "How to read: every form was tuned in the same way, by a grid and Nelder-Mead. The last column "
-    "is the one to compare: each part is judged by the gains that all others chose."
+    "is the one to compare: each part is evaluated by the gains that all others chose."
 )
 GAINS = (
     "The form as printed cannot beat beta alone: it is beta alone. Where it differs, the search "

@@ -9,6 +9,7 @@ import numpy as np
 from testbench.estimation.calibration.methods import get_method
 from testbench.estimation.calibration.poses import StaticPoses
 from testbench.estimation.calibration.prepared import Prepared, prepare
+from testbench.estimation.calibration.recording import CalibrationRecording
 from testbench.estimation.calibration.rotational import likeness
 from testbench.estimation.calibration.validation import validate
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
@@ -52,8 +53,10 @@ def calibration_table(session: Session, check: Session, published: PublishedResu
     for dimension, (section, segment) in SECTIONS.items():
         for kind, suffix in KINDS.items():
             sensor = segment + suffix
-            poses = section_poses(session, prepare(session, sensor, None), section)
-            held = prepare(check, sensor, None)
+            poses = section_poses(
+                session, prepare(CalibrationRecording.of(session, sensor), None), section
+            )
+            held = prepare(CalibrationRecording.of(check, sensor), None)
             theirs = next(
                 r
                 for r in published.calibration_bias
@@ -75,8 +78,8 @@ def calibration_table(session: Session, check: Session, published: PublishedResu
         "fitted",
         (*(f"|bias| {a} [mg]" for a in AXES), *(f"sd {a} [mg]" for a in AXES), "worst |bias| [mg]"),
         tuple(rows),
-        "How to read: fitted to the three poses (2D) or six (3D) of the protocol, judged by eight "
-        "others. The worst is that of all axes, of our 2D method that of the two axes of the "
+        "How to read: fitted to the three poses (2D) or six (3D) of the protocol, evaluated by "
+        "eight others. The worst is that of all axes, of our 2D method that of the two axes of the "
         "plane. The standard deviation is that of single readings.",
         CALIBRATION_WHY,
         "5.4 and 5.5",

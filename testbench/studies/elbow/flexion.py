@@ -16,6 +16,7 @@ from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.study import StudyCurve, StudyCurves, StudyRow, StudyTable, Value
 from testbench.records.session.session import Session
 from testbench.records.specs.published import FlexionErrors, PublishedResults, PublishedTables
+from testbench.reporting.page.tables import mean_of_known
 
 UNITS = {"acc": "mg", "gyr": "deg/s", "mag": "uT"}
 TRIADS = {"acc": "accelerometer", "gyr": "gyroscope", "mag": "magnetometer"}
@@ -149,7 +150,9 @@ def flexion_table(evaluation: Evaluation, published: PublishedResults) -> StudyT
                 printed = (*theirs.mean_abs_error_deg, _printed_mean(theirs))
                 note = f"beside table {theirs.table}"
             rows.append(
-                StudyRow(f"{title}, {name}, {sequence}", (*values, _mean(values)), printed, note)
+                StudyRow(
+                    f"{title}, {name}, {sequence}", (*values, mean_of_known(values)), printed, note
+                )
             )
     return StudyTable(
         "flexion",
@@ -176,14 +179,9 @@ def _published(
     return None
 
 
-def _mean(values: list[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known else None
-
-
 def _printed_mean(row: FlexionErrors) -> float:
     """Mean over the flexions, with the two decimals of the source."""
-    return round(_mean(row.mean_abs_error_deg) or 0.0, 2)
+    return round(mean_of_known(row.mean_abs_error_deg) or 0.0, 2)
 
 
 def heading_model(flexion_deg: np.ndarray, offset_deg: float, heading_deg: float) -> np.ndarray:
@@ -261,9 +259,11 @@ def heading_table(published: PublishedResults) -> StudyTable:
         (*(f"{f:g}°" for f in flexions), "mean"),
         (
             StudyRow(
-                "model", (*model, _mean(model)), (*theirs.mean_abs_error_deg, _printed_mean(theirs))
+                "model",
+                (*model, mean_of_known(model)),
+                (*theirs.mean_abs_error_deg, _printed_mean(theirs)),
             ),
-            StudyRow("model less published", (*residual, _mean(residual))),
+            StudyRow("model less published", (*residual, mean_of_known(residual))),
         ),
         f"How to read: |asin(sin(f + o) cos h) - f| with o = {fit.offset_deg:.2f} deg and h = "
         f"{fit.heading_deg:.2f} deg, two parameters fitted to the fifteen published values; it "
@@ -343,7 +343,7 @@ def growth_table(elbow: Result, misalignment_deg: float) -> StudyTable:
         for name in dict.fromkeys(row.filter for row in evaluation.joint_angle):
             errors = flexion_errors(evaluation, joint, name, sequence, misalignment_deg)
             values = [errors.get(f) for f in flexions]
-            rows.append(StudyRow(f"{sequence}, {name}", (*values, _mean(values))))
+            rows.append(StudyRow(f"{sequence}, {name}", (*values, mean_of_known(values))))
     return StudyTable(
         "growth",
         f"Mean |error| of the flexion [deg], misaligned by {misalignment_deg:g} deg",

@@ -40,7 +40,7 @@ def run(bench: StudyBench) -> StudyRecord:
     bench.say("calibrations, theory and tables")
     ours = {
         "rest": rest.session.name,
-        "tables 5.4 and 5.5": f"{tables.session.name}, judged by {check.session.name}",
+        "tables 5.4 and 5.5": f"{tables.session.name}, evaluated by {check.session.name}",
         "tables 5.6 to 5.10": tables.session.name,
         "misalignment": elbow.session.name,
     }

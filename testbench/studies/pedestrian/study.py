@@ -109,7 +109,7 @@ def _has_swings(plan: Plan) -> None:
     if not any(step.kind == "sweep" and step.role == "evaluation" for step in plan.steps):
         name = plan.protocol.spec.name
         raise InputError(
-            f"protocol {name} has no sweep in a section that is judged, so there is no swing to "
+            f"protocol {name} has no sweep in a section that is evaluated, so there is no swing to "
             "count"
         )
 
@@ -263,7 +263,7 @@ def swing_results(
     steps = [step for step in session.steps if step.kind == "sweep" and step.role == "evaluation"]
     if not steps:
         raise InputError(
-            f"session {session.name} has no sweep that is judged, so there is no swing to count"
+            f"session {session.name} has no sweep that is evaluated, so there is no swing to count"
         )
     own = estimate.sensors[name]
     results = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from testbench.records.findings.words.template import WARNING, Template
+from testbench.records.findings.templates.template import WARNING, Template
 
 TEMPLATES = {
     "device.silent": Template(WARNING, "no samples; it sent nothing"),

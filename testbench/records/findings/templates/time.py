@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from testbench.records.findings.words.template import NOTE, WARNING, Template
+from testbench.records.findings.templates.template import NOTE, WARNING, Template
 
 _OWN_ZERO = "the host time of each sensor begins at 0 with its own first sample"
 _ONE_BY_ONE = "import them one by one if they must not be compared, or give them Unix times"

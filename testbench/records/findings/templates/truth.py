@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from testbench.records.findings.words.template import NOTE, WARNING, Template
+from testbench.records.findings.templates.template import NOTE, WARNING, Template
 
 TEMPLATES = {
     "truth.joint_poses": Template(
@@ -67,7 +67,7 @@ TEMPLATES = {
         WARNING,
         "{left} is called of the left, and {right} of the right",
         "joint, sensors and truth must be of one side: legs walk alike, half a stride apart, and "
-        "what is judged may be the wrong one",
+        "what is evaluated may be the wrong one",
         "--truth-angle JOINT.ANGLE=COLUMN and --joint NAME=PROXIMAL:DISTAL say which belong "
         "together; other names, if these mislead",
     ),
@@ -88,7 +88,7 @@ TEMPLATES = {
         WARNING,
         "{lost} of {rows} rows of the truth are empty, and known rows are up to {longest_s:.2f} s "
         "apart",
-        "nothing is judged between rows that are more than 0.2 s apart",
+        "nothing is evaluated between rows that are more than 0.2 s apart",
     ),
     "truth.tracked": Template(
         NOTE,
@@ -113,6 +113,6 @@ TEMPLATES = {
     "truth.gaps": Template(
         WARNING,
         "the truth has {gaps} gaps, the longest of {longest_s:.2f} s",
-        "nothing is judged there",
+        "nothing is evaluated there",
     ),
 }

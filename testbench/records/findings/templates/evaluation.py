@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from testbench.records.findings.words.template import NOTE, WARNING, Template
+from testbench.records.findings.templates.template import NOTE, WARNING, Template
 
 TEMPLATES = {
     "plan.warning": Template(WARNING, "{text}"),
@@ -19,7 +19,7 @@ TEMPLATES = {
         "their scatter does not hold what another part would change",
     ),
     "judged.no_step": Template(
-        WARNING, "no step of the protocol was finished, so there is nothing to judge"
+        WARNING, "no step of the protocol was finished, so there is nothing to evaluate"
     ),
     "judged.unmeasured": Template(WARNING, "{metric} by {filter} has a limit but was not measured"),
     "judged.no_uncertainty": Template(
@@ -44,8 +44,8 @@ TEMPLATES = {
         "to have what follows a long gap, cut the file there and import the rest as a recording of "
         "its own",
     ),
-    "judged.no_truth": Template(NOTE, "no truth, so its orientation is not judged"),
-    "judged.nothing": Template(NOTE, "nothing was judged: {cause}"),
+    "judged.no_truth": Template(NOTE, "no truth, so its orientation is not evaluated"),
+    "judged.nothing": Template(NOTE, "nothing was evaluated: {cause}"),
     "comparison.no_truth": Template(
         NOTE,
         "compared with {filter}, which is a comparison and no truth: what lies between both is a "
@@ -57,12 +57,12 @@ TEMPLATES = {
         "no cycles were found in {signal}: fewer than three, each from one largest value to the "
         "next, are whole and alike",
     ),
-    "judged.not_aligned": Template(WARNING, "{filters} not judged: not aligned to the truth"),
+    "judged.not_aligned": Template(WARNING, "{filters} not evaluated: not aligned to the truth"),
     "judged.joint_not_aligned": Template(
-        WARNING, "{filters} not judged: a sensor of it was not aligned to the truth"
+        WARNING, "{filters} not evaluated: a sensor of it was not aligned to the truth"
     ),
     "judged.angles_not_aligned": Template(
-        WARNING, "{filters} not judged: its true angles could not be aligned in time"
+        WARNING, "{filters} not evaluated: its true angles could not be aligned in time"
     ),
     "truth.angles_exchanged": Template(
         WARNING,
@@ -96,7 +96,7 @@ TEMPLATES = {
         "the truth of its {angle} stays at {at_deg:.1f} deg, up to {longest_s:.2f} s at once, "
         "while the estimate moves by up to {moved_deg:.1f} deg",
         "it is at the end of its range, was lost and held, or was cut off; {count} of {samples} "
-        "samples are not judged there",
+        "samples are not evaluated there",
     ),
     "truth.angle_offset": Template(
         NOTE,
@@ -106,19 +106,23 @@ TEMPLATES = {
         "the errors, and the table by angle gives them without it, too",
     ),
     "judged.truth_lost": Template(
-        NOTE, "{count} of {samples} samples not judged: the truth is not known there"
+        NOTE, "{count} of {samples} samples not evaluated: the truth is not known there"
     ),
-    "judged.no_truth_of_joint": Template(NOTE, "no truth, so its angle is not judged"),
+    "judged.no_truth_of_joint": Template(NOTE, "no truth, so its angle is not evaluated"),
     "judged.joint_covered": Template(
         NOTE,
         "{filter}: the 95 % interval that is stated of its flexion holds {percent:.0f} % of its "
         "errors",
     ),
     "judged.truth_jumps": Template(WARNING, "{count} orientations of the truth left out: jumps"),
-    "judged.steps_left_out": Template(WARNING, "{lost} of {planned} {kind} not judged: {reasons}"),
-    "judged.few_samples": Template(WARNING, "only {judged} of {planned} samples judged: {reasons}"),
+    "judged.steps_left_out": Template(
+        WARNING, "{lost} of {planned} {kind} not evaluated: {reasons}"
+    ),
+    "judged.few_samples": Template(
+        WARNING, "only {judged} of {planned} samples evaluated: {reasons}"
+    ),
     "judged.few_samples_of_others": Template(
-        WARNING, "only {judged} of {planned} samples of the others judged: {reasons}"
+        WARNING, "only {judged} of {planned} samples of the others evaluated: {reasons}"
     ),
     "filter.tuned": Template(NOTE, "{filter} ran with {parameters}, tuned for {objective} on {on}"),
     "filter.tuned_to": Template(
@@ -153,11 +157,11 @@ TEMPLATES = {
         "it was commanded",
     ),
     "chain.no_true_angles": Template(
-        WARNING, "not judged, for no arm reported the true angles of its joints"
+        WARNING, "not evaluated, for no arm reported the true angles of its joints"
     ),
     "chain.no_sample": Template(
         WARNING,
-        "not judged, for no sample is left: settling_s leaves out as much as its steps last, or "
+        "not evaluated, for no sample is left: settling_s leaves out as much as its steps last, or "
         "none was finished",
     ),
     "chain.overconfident": Template(
@@ -173,7 +177,7 @@ TEMPLATES = {
     "cycles.too_few": Template(
         NOTE,
         "no average cycle of {missing} of {sweeps} sweeps: fewer than {least} of their cycles are "
-        "judged from end to end, or the angle hardly changes",
+        "evaluated from end to end, or the angle hardly changes",
     ),
     "cycles.unlike": Template(
         WARNING,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from testbench.records.findings.finding import Severity
+from testbench.records.findings.templates.severity import Severity
 
 
 @dataclass(frozen=True)

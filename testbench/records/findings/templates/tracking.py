@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from testbench.records.findings.words.template import NOTE, WARNING, Template
+from testbench.records.findings.templates.template import NOTE, WARNING, Template
 
 TEMPLATES = {
     "tracking.cluster": Template(
@@ -15,7 +15,7 @@ TEMPLATES = {
         "{lost} of {frames} frames of the cluster {markers} give no orientation: {few} with fewer "
         "than three markers, {in_line} with markers on one line, {deformed} with markers out of "
         "place",
-        "nothing is judged there",
+        "nothing is evaluated there",
         "label or fill them in the software of the cameras, or name further markers of the same "
         "body with --truth-cluster",
     ),

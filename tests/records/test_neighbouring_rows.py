@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from testbench import estimate, evaluate
 from testbench.model.truth import truth_at
 from testbench.pipeline.analyse import Result
-from testbench.records.disk import near
-from testbench.records.disk.near import Instants, read_near
+from testbench.records.disk import neighbouring_rows
+from testbench.records.disk.neighbouring_rows import Instants, read_near
 from testbench.records.disk.tables import write_parquet
 from testbench.records.session.session import Session
 
@@ -45,7 +45,7 @@ def test_few_rows_of_a_truth_are_read_and_they_give_the_same_orientations(
     name = session.sensor_names[0]
     instants = quick.estimate.sensors[name].host_time_ns[::10]
     expected = truth_at(session.truth(name), instants)
-    monkeypatch.setattr(near, "MOST_ROWS", 100)
+    monkeypatch.setattr(neighbouring_rows, "MOST_ROWS", 100)
     close = session.near(Instants({name: instants}, instants))
     assert (
         len(close.truth(name).host_time_ns)
@@ -63,7 +63,7 @@ def test_few_rows_of_a_truth_are_read_and_they_give_the_same_orientations(
 
 
 def test_a_session_that_is_read_in_part_is_judged_alike(quick: Result, monkeypatch):
-    monkeypatch.setattr(near, "MOST_ROWS", 100)
+    monkeypatch.setattr(neighbouring_rows, "MOST_ROWS", 100)
     session = Session(quick.session.path)
     estimated = estimate(session)
     for name, sensor in estimated.sensors.items():

@@ -220,6 +220,7 @@ def _bins(rates, vectors, bins, seconds, bias):  # type: ignore[no-untyped-def]
                     for j in range(3):
                         own[i, j, k] += r[i, j] * v
             after = min(row + 1, len(rates) - 1)
+            # rotation vector of the step, w dt by the trapezium rule; R <- R exp([w dt x])
             x = seconds * (0.5 * (rates[row, 0] + rates[after, 0]) - bias[0])
             y = seconds * (0.5 * (rates[row, 1] + rates[after, 1]) - bias[1])
             z = seconds * (0.5 * (rates[row, 2] + rates[after, 2]) - bias[2])

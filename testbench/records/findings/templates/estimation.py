@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from testbench.records.findings.words.template import NOTE, WARNING, Template
+from testbench.records.findings.templates.template import NOTE, WARNING, Template
 
 TEMPLATES = {
     "rest.norm": Template(
@@ -47,7 +47,7 @@ TEMPLATES = {
     ),
     "recording.long": Template(
         NOTE,
-        "a long recording: its estimates are kept, and judged, at one of {every} samples",
+        "a long recording: its estimates are kept, and evaluated, at one of {every} samples",
     ),
     "axes.quaternion": Template(
         WARNING, "its quaternion fits the motion only when read as {reading}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from testbench.records.findings.words.template import NOTE, WARNING, Template
+from testbench.records.findings.templates.template import NOTE, WARNING, Template
 
 TEMPLATES = {
     "clock.unfitted": Template(
@@ -21,7 +21,7 @@ TEMPLATES = {
         "no common motion: its angular rates fit those of the truth at no one shift of their times "
         "(best correlation {correlation:.2f})",
         "the two are of different recordings, or of different bodies, or the time of one jumps; "
-        "nothing of it is judged",
+        "nothing of it is evaluated",
         "if both are on one clock, say so with `same_clock: true` beside the truth or "
         "`align_clock: false` in `estimate`, else state what is to be added to the truth's times "
         "with --truth-offset",
@@ -29,14 +29,14 @@ TEMPLATES = {
     "clock.periodic": Template(
         WARNING,
         "its motion is too periodic: it fits the truth at several shifts, {shifts_s} s",
-        "which of them holds cannot be told, so nothing of it is judged",
+        "which of them holds cannot be told, so nothing of it is evaluated",
         "state the right one with --truth-offset, say that both are on one clock with "
         "`same_clock: true` beside the truth, or record a motion that does not repeat itself",
     ),
     "clock.still": Template(
         WARNING,
         "it or its truth turns too slowly to tell when each log began",
-        "nothing of it is judged",
+        "nothing of it is evaluated",
         "if both are on one clock, say so with `same_clock: true` beside the truth or "
         "`align_clock: false` in `estimate`",
     ),
@@ -51,7 +51,7 @@ TEMPLATES = {
     "clock.truth_still": Template(
         WARNING,
         "the truth stands still throughout while its gyroscope turns",
-        "the body was not tracked, or it is another one; nothing of it is judged",
+        "the body was not tracked, or it is another one; nothing of it is evaluated",
     ),
     "clock.as_stated": Template(
         WARNING,
@@ -74,14 +74,14 @@ TEMPLATES = {
         "its true flexion moves as that of joint '{other}' (correlation of the rates "
         "{correlation:.2f}, with its own {own_correlation:.2f})",
         "the columns of two joints were exchanged, or a truth is given to the wrong joint; nothing "
-        "of it is judged",
+        "of it is evaluated",
         "--truth-angle JOINT.ANGLE=COLUMN (`truth_angles` of the mapping) says which column is "
         "whose; --joint NAME=PROXIMAL:DISTAL, which sensors are",
     ),
     "clock.truth_unit": Template(
         WARNING,
         "the truth's times fit its motion when multiplied by {factor:g}",
-        "they were read in another unit than theirs; nothing of it is judged",
+        "they were read in another unit than theirs; nothing of it is evaluated",
         "state their unit: `time: {{column: ..., unit: ...}}` of the truth in the mapping, or "
         "--truth-time-unit",
     ),
@@ -90,25 +90,25 @@ TEMPLATES = {
         "its samples and its truth never overlap in time (samples from {begin_s:.3f} to "
         "{end_s:.3f} s, truth from {truth_begin_s:.3f} to {truth_end_s:.3f} s), and no clock is to "
         "be aligned",
-        "they are not on one clock; nothing of it is judged",
+        "they are not on one clock; nothing of it is evaluated",
         "leave out `same_clock: true` or `align_clock: false`, so that the motion aligns them",
     ),
     "frames.doubt": Template(WARNING, "{filter}: {doubt}"),
     "frames.refused": Template(
-        WARNING, "{filter}: it could not be aligned: {why}", "it is not judged"
+        WARNING, "{filter}: it could not be aligned: {why}", "it is not evaluated"
     ),
     "frames.undetermined": Template(
         WARNING,
         "the motion is nearly all about one axis, ({axis}) in the sensor",
         "how far the sensor is turned in its mounting about that axis, against the world about its "
-        "image, is not determined and not judged: it was held {held}; all other angles of both "
+        "image, is not determined and not evaluated: it was held {held}; all other angles of both "
         "were solved. Errors about the axis, and the size of the others, do not depend on it",
         "to determine it, add rotations of 30 deg or more about an axis across it",
     ),
     "frames.still": Template(
         WARNING,
         "there is no motion to align it by",
-        "its mounting was held at the one that is believed; a constant error is not judged",
+        "its mounting was held at the one that is believed; a constant error is not evaluated",
         "to determine it, add rotations of 30 deg or more about two axes",
     ),
     "frames.hardly": Template(
@@ -122,7 +122,7 @@ TEMPLATES = {
         WARNING,
         "the z axis of the truth's world leans by {tilt_deg:.0f} deg against gravity",
         "heading and inclination are those about the vertical that the sensor found in it, and a "
-        "constant inclination is not judged",
+        "constant inclination is not evaluated",
         "confirm it with `world: unknown` beside the truth",
     ),
     "frames.up_undetermined": Template(
@@ -140,14 +140,14 @@ TEMPLATES = {
         WARNING,
         "its angular rates fit the truth as read in {as_read_percent:.0f} % of their variance, and "
         "in {percent:.0f} % with the scalar of the quaternion at the other end",
-        "the truth's quaternion is written in the other order; nothing of it is judged",
+        "the truth's quaternion is written in the other order; nothing of it is evaluated",
         "say so in the mapping of the truth: `order: {remedy}`",
     ),
     "truth.direction": Template(
         WARNING,
         "its angular rates fit the truth as read in {as_read_percent:.0f} % of their variance, and "
         "in {percent:.0f} % with the quaternion conjugated",
-        "the truth turns the other way round; nothing of it is judged",
+        "the truth turns the other way round; nothing of it is evaluated",
         "say so in the mapping of the truth: `direction: sensor_from_earth`",
     ),
     "truth.order_or_direction": Template(
@@ -155,14 +155,14 @@ TEMPLATES = {
         "its angular rates fit the truth as read in {as_read_percent:.0f} % of their variance, and "
         "in {percent:.0f} % with the quaternion conjugated or its scalar at the other end",
         "the truth's quaternion has another order or direction; without a known mounting the "
-        "motion does not tell which; nothing of it is judged",
+        "motion does not tell which; nothing of it is evaluated",
         "say so in the mapping of the truth: `order: xyzw` or `direction: sensor_from_earth`",
     ),
     "truth.of_another": Template(
         WARNING,
         "its angular rates fit the truth of '{other}' ({percent:.0f} % of their variance) and not "
         "its own ({own_percent:.0f} %)",
-        "two bodies or links were confused; nothing of it is judged",
+        "two bodies or links were confused; nothing of it is evaluated",
         "exchange them: --link, `link` in the protocol, or the columns of the truth in the mapping",
     ),
     "truth.foreign": Template(
@@ -184,15 +184,15 @@ TEMPLATES = {
         "from {begin_s:.1f} s to {end_s:.1f} s truth and gyroscope part by {angle_deg:.0f} deg, "
         "while they turn alike elsewhere",
         "a body slipped under its markers, the reference drifted, or the gyroscope was clipped or "
-        "disturbed: what is judged from there on holds it, and nobody knows of which",
-        "to judge both sides of it apart, cut the file there and import the parts one by one",
+        "disturbed: what is evaluated from there on holds it, and nobody knows of which",
+        "to evaluate both sides of it apart, cut the file there and import the parts one by one",
     ),
     "truth.aligned_apart": Template(
         WARNING,
         "{apart_s:.1f} s of the truth that do not fit the rest, from {at_s:.2f} s on, last and "
         "move enough to find the frames that it has there ({kinds} beside those of the rest)",
         "the errors of these parts are those against frames of their own; joint angles are not "
-        "judged there",
+        "evaluated there",
     ),
     "truth.frozen": Template(
         WARNING,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from testbench.records.disk.pieces import overlapping
+from testbench.records.disk.chunks import overlapping
 
 
 def test_a_table_in_overlapping_pieces_is_whole_and_every_piece_has_its_margins():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from testbench.records.findings.words.template import NOTE, Template
+from testbench.records.findings.templates.template import NOTE, Template
 
 TEMPLATES = {
     "unit.acc_by_gravity": Template(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from testbench.records.findings.words.template import NOTE, WARNING, Template
+from testbench.records.findings.templates.template import NOTE, WARNING, Template
 
 TEMPLATES = {
     "samples.zeros": Template(
@@ -36,7 +36,7 @@ TEMPLATES = {
         WARNING,
         "{count} samples stand at the largest reading of {quantities}, several in a row, the first "
         "at {first_s:.2f} s",
-        "the motion went beyond the sensor's range; they are not judged",
+        "the motion went beyond the sensor's range; they are not evaluated",
         "state its `full_scale`, or `estimate: {{keep: [clipped]}}` if they are real",
     ),
     "samples.spike": Template(
