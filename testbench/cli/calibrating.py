@@ -132,6 +132,7 @@ def _say_calibration_json(made: MadeCalibration) -> None:
         {
             **files,
             "sensor": result.calibration.sensor,
+            "simulated": result.calibration.simulated,
             "triads": triads,
             "remarks": result.remarks,
             "findings": [
@@ -183,6 +184,8 @@ def _say_calibration(made: MadeCalibration) -> None:
         say(f"note: {remark}")
     for own in result.calibration.findings:
         say(f"{own.severity.value}: {own}")
+    if result.calibration.simulated:
+        say("simulated: the sensor is a model, and so is what was calibrated")
     say(f"calibration: {made.file}")
     if made.report:
         say(f"report:      {made.report}")

@@ -40,6 +40,7 @@ def noise(
         say_json(
             {
                 "session": str(opened.path),
+                "simulated": opened.simulated,
                 "noise": [vars(row) for row in found.rows],
                 "file": str(out) if out else None,
                 "notes": found.notes,
@@ -49,6 +50,8 @@ def noise(
         say_noise(found.rows)
         for note in found.notes:
             say(f"note: {note}")
+        if opened.simulated:
+            say(f"simulated: {' and '.join(opened.simulated)}")
         if out is not None:
             say(f"written: {out}; name it in a protocol beside it as preset: {out.name}")
     if not found.rows:

@@ -81,7 +81,8 @@ def _preset(
 ) -> tuple[ImuParameters, list[str]]:
     """The preset of the sensor that the rows are of; sentences on what was not measured."""
     span = max((row.span_s for row in rows), default=0.0)
-    origin = f"sensor {name} of session {session.name}, {span:.0f} s at rest"
+    model = "simulated " if session.manifest.sensors[name].simulated else ""
+    origin = f"{model}sensor {name} of session {session.name}, {span:.0f} s at rest"
     base, base_name = _base(session, name, like)
     parameters, notes = measured_sensor(rows, base, origin, rate, base_name)
     copied = (

@@ -75,6 +75,7 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
             facts=[fact for fact in facts if fact[1]],
             tiles=_tiles(result),
             sections=sections,
+            simulated="a model of the sensor, not from a real one" if calibration.simulated else "",
             kind="calibration",
             footer="Rows in italics are published values. All uncertainties are standard "
             "uncertainties unless a column says 95 %.",

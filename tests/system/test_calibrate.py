@@ -327,7 +327,12 @@ def test_the_command_line(sessions, tmp_path, capsys):
         )
         == 0
     )
-    assert "response_xx" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "response_xx" in said and "simulated: the sensor is a model" in said
+    assert "simulated: true\n" in (tmp_path / "sensor.yaml").read_text(encoding="utf-8")
+    assert load_calibration(tmp_path / "sensor.yaml").simulated
+    page = (tmp_path / "sensor.html").read_text(encoding="utf-8")
+    assert "Simulated: these samples come from a model of the sensor" in page
     assert sorted(path.name for path in tmp_path.iterdir()) == ["sensor.html", "sensor.yaml"]
     assert command("calibrate", session, "--out", tmp_path / "sensor.yaml") == 2
     assert "not replaced" in capsys.readouterr().err

@@ -204,6 +204,7 @@ def calibrate(
         triads,
         mounting=mounting,
         findings=tuple(told.findings),
+        simulated=session.manifest.sensors[sensor].simulated,
     )
     if "mounting" in chosen:  # of the sensor's own axes, whole, whatever the triads contained of it
         sweeps = [step for step in session.steps if step.kind == "sweep"]

@@ -190,6 +190,7 @@ class CalibrationEntry(StrictModel):
     temperature_deg_c: float | None = Field(
         default=None, description="Mean temperature of the part; null: not recorded."
     )
+    simulated: bool = Field(default=False, description="Whether the part is a model of one.")
     accelerometer: AccelerometerEntry | None = Field(
         default=None, description="null: not calibrated."
     )
@@ -219,6 +220,7 @@ class SensorCalibration:
         file: Where they were read from, or None.
         mounting: Of the corrected triads, or None for as believed.
         findings: What a user must know of them, or of a triad that was refused; where is a triad.
+        simulated: Whether the part is a model of one.
     """
 
     sensor: str
@@ -232,6 +234,7 @@ class SensorCalibration:
     file: Path | None = None
     mounting: MountingCalibration | None = None
     findings: tuple[Finding, ...] = ()
+    simulated: bool = False
 
     def apply(
         self,
@@ -327,6 +330,7 @@ def load_calibration(file: Path) -> SensorCalibration:
         file,
         None if entry.mounting is None else _mounting(entry.mounting),
         tuple(read_again(own.model_dump()) for own in entry.findings),
+        entry.simulated,
     )
 
 
@@ -435,6 +439,8 @@ def _entry(calibration: SensorCalibration) -> CalibrationEntry:
     parts: dict[str, Any] = {
         triad: _triad_entry(triad, found) for triad, found in calibration.triads.items()
     }
+    if calibration.simulated:
+        parts["simulated"] = True
     if calibration.mounting is not None:
         parts["mounting"] = MountingEntry(
             method=calibration.mounting.method,

@@ -27,7 +27,13 @@ from testbench.records.disk.json_file import plain_values, read_json, write_json
 from testbench.records.disk.json_record import first_problem
 from testbench.records.findings.earlier import sentences_to_findings
 from testbench.records.findings.finding import Finding
-from testbench.records.session.arm_record import MODEL, RECORDED_MOTION, REPORTED_MOTION, ArmRecord
+from testbench.records.session.arm_record import (
+    MODEL,
+    RECORDED_MOTION,
+    REPORTED_MOTION,
+    SIMULATED,
+    ArmRecord,
+)
 from testbench.records.session.layout import MANIFEST
 from testbench.records.specs.strict import EARLIER_NAME_PATTERN
 
@@ -124,6 +130,11 @@ class SensorRecord(_WholePart):
     truth_sd_deg: float | None = Field(default=None, ge=0)
     truth_sd_from: str | None = None
     statistics: dict[str, Any] = {}
+
+    @property
+    def simulated(self) -> bool:
+        """Whether it is a model of a sensor."""
+        return self.driver == SIMULATED
 
     @staticmethod
     def of(described: Mapping[str, Any]) -> SensorRecord:
