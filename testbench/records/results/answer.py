@@ -26,6 +26,8 @@ UNSEEN_DEG, UNSEEN_SHARE = 5.0, 0.2
 """An orientation that is wrong by more than the first [deg], and by an angle that shows less than
 the second share of it, is wrong in a way that the angle does not see.
 """
+MOST_SENSORS = 3
+"""Orientations of more sensors are told in one sentence."""
 QUANTITIES = {"flexion": "flexion", "total": "orientation"}
 MEASURES = {
     "mean_abs_error_deg": "mean error",
@@ -67,8 +69,8 @@ def answers(evaluation: Evaluation) -> list[Answer]:
     told = [Answer(_limit(metric), metric.outcome) for metric in limited]
     if limited:
         told.append(Answer(_scope(evaluation, limited)))
-    told += [Answer(text) for text in _unlimited(evaluation, limited)]
     told += [Answer(text) for text in _chains(evaluation)]
+    told += [Answer(text) for text in _unlimited(evaluation, limited)]
     return told + [Answer(text) for text in _unseen(evaluation)]
 
 
@@ -148,11 +150,23 @@ def _unlimited(evaluation: Evaluation, limited: Sequence[Metric]) -> list[str]:
         and (metric.name, metric.section) not in done
         and _is_headline(metric, own_sequence)
     ]
-    for (name, section), group in groupby(
-        metrics, key=lambda metric: (metric.name, metric.section)
-    ):
+    owners = list(dict.fromkeys(metric.name.rpartition(".")[0] for metric in metrics))
+    if not own_sequence and len(owners) > MOST_SENSORS:
+        return [_of_sensors(metrics, len(owners))]
+    for (name, section), group in groupby(metrics, key=lambda own: (own.name, own.section)):
         told.append(_range(evaluation, name.rpartition(".")[0], section, list(group)))
     return told
+
+
+def _of_sensors(metrics: Sequence[Metric], sensors: int) -> str:
+    """The smallest and the largest orientation error of many sensors."""
+    by_error = sorted(metrics, key=lambda metric: metric.value or 0.0)
+    low, high = (
+        f"{known_to(m.value, m.expanded_uncertainty, m.unit)} ({m.name.rpartition('.')[0]} by "
+        f"{m.filter})"
+        for m in (by_error[0], by_error[-1])
+    )
+    return f"Orientation of {sensors} sensors: RMS error from {low} to {high}."
 
 
 def _is_headline(metric: Metric, own_sequence: dict[str, str]) -> bool:

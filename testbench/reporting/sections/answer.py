@@ -13,9 +13,9 @@ from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.evaluation_rows import JointSummary, OrientationSummary
 from testbench.records.session.layout import joint_table, orientation_table
 from testbench.reporting.page.decimation import Envelope
-from testbench.reporting.page.figures import Bar, Span, dots, time_panels
+from testbench.reporting.page.figures import Bar, Figure, Span, dots, time_panels
 from testbench.reporting.page.page import Block, Figures, Sentence
-from testbench.reporting.page.palette import REFERENCE
+from testbench.reporting.page.palette import REFERENCE, filter_colours
 from testbench.reporting.page.tables import digits
 from testbench.reporting.sections.findings import finding_sentences
 from testbench.reporting.sections.outliers import flexion_outliers, hidden_names
@@ -55,6 +55,8 @@ def _over_time(
     """
     if evaluation.joint_angle:
         return _joint_over_time(evaluation, colours, spans)
+    if evaluation.chain:
+        return _chain_joints(evaluation)
     if evaluation.orientation:
         return _sensor_over_time(evaluation, colours, spans)
     return None
@@ -97,6 +99,31 @@ def _joint_over_time(
     )
 
 
+def _chain_joints(evaluation: Evaluation) -> Figures:
+    """The joints of a chain beside one another, in its first section, by each state."""
+    section = evaluation.chain[0].section
+    rows = [row for row in evaluation.chain if row.section == section]
+    states = list(dict.fromkeys(row.state for row in rows))
+    figures = {}
+    for state, colour in filter_colours(states).items():
+        own = sorted((r for r in rows if r.state == state), key=lambda row: row.rmse_deg)
+        known = [r.expanded_uncertainty_magnitude_deg for r in own]
+        figures[f"RMS error of each joint angle, {state} state"] = _with_line(
+            f"{section}, {state} state",
+            {row.joint: Bar(row.rmse_deg) for row in own},
+            dict.fromkeys((row.joint for row in own), colour),
+            "RMS error [deg]",
+            known,
+        )
+    return Figures(
+        "Error of each joint angle of the chain",
+        figures,
+        "How to read: root mean square of estimate less truth, the smallest above. What lies left "
+        "of the dashed line, U, is smaller than the truth of the worst known joint is known to.",
+        small=len(figures) > 1,
+    )
+
+
 def _sensor_over_time(
     evaluation: Evaluation, colours: Mapping[str, str], spans: Sequence[Span]
 ) -> Figures | None:
@@ -130,6 +157,8 @@ def _sensor_over_time(
 
 def _beside(evaluation: Evaluation, colours: Mapping[str, str]) -> Figures | None:
     """The filters beside one another: of each joint's section, or of each sensor."""
+    if evaluation.chain:
+        return None
     groups: dict[str, list[JointSummary | OrientationSummary]] = {}
     if evaluation.joint_angle:
         own = {row.joint: row.sequence for row in reversed(evaluation.joint_angle)}
@@ -166,18 +195,23 @@ def _beside(evaluation: Evaluation, colours: Mapping[str, str]) -> Figures | Non
 
 def _dots(
     where: str, rows: Sequence[JointSummary | OrientationSummary], colours: Mapping[str, str]
-) -> dict[str, object]:
+) -> Figure:
     bars = {
         row.filter: Bar(row.errors.mean_abs_error_deg, row.errors.mean_abs_error_ci95_deg)
         for row in sorted(rows, key=lambda row: row.errors.mean_abs_error_deg)
     }
     known = [row.expanded_uncertainty_magnitude_deg for row in rows]
+    return _with_line(where, bars, colours, "mean |error| [deg]", known)
+
+
+def _with_line(
+    title: str,
+    bars: Mapping[str, Bar],
+    colours: Mapping[str, str],
+    x_title: str,
+    known: Sequence[float | None],
+) -> Figure:
+    """Dots, and a line at the largest of what the truth is known to [deg]."""
     limit = max((value for value in known if value is not None), default=None)
-    return dots(
-        where,
-        bars,
-        colours,
-        "mean |error| [deg]",
-        limit,
-        f"U = {digits(limit, 2)} deg" if limit is not None else "",
-    )
+    name = f"U = {digits(limit, 2)} deg" if limit is not None else ""
+    return dots(title, bars, colours, x_title, limit, name)
