@@ -22,6 +22,7 @@ import testbench.pipeline
 import testbench.reporting.report  # noqa: F401
 from testbench.cli import main
 from testbench.clock import SystemClock
+from tests.patience import PATIENCE_S
 
 FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload([__name__])
@@ -47,11 +48,11 @@ def bench(
     with tempfile.TemporaryDirectory() as name:
         files = [Path(name) / "stdout", Path(name) / "stderr"]
         process = forked(_called, ["testbench", *map(str, words)], files, cwd, around)
-        process.join(120)
+        process.join(PATIENCE_S)
         out, err = (file.read_text(encoding="utf-8") for file in files)
         if process.exitcode is None:
             process.kill()
-            raise subprocess.TimeoutExpired(words, 120, out, err)
+            raise subprocess.TimeoutExpired(words, PATIENCE_S, out, err)
         return subprocess.CompletedProcess(words, process.exitcode, out, err)
 
 

@@ -232,7 +232,7 @@ def test_imports_point_in_the_agreed_direction() -> None:
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=600,
     )
     assert result.returncode == 0, result.stdout + result.stderr
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from testbench import plan
+from tests.patience import PATIENCE_S
 from tests.processes import bench
 
 pytestmark = pytest.mark.slow
@@ -31,7 +32,7 @@ def run_example(name: str, folder: Path, *arguments: str) -> str:
         capture_output=True,
         text=True,
         check=False,
-        timeout=300,
+        timeout=PATIENCE_S,
     )
     assert result.returncode == 0, result.stdout + result.stderr
     assert not result.stderr

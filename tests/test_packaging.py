@@ -16,6 +16,8 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
+from tests.patience import PATIENCE_S
+
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = Path(sys.executable).with_name("testbench")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -78,7 +80,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=PATIENCE_S,
     )
     assert result.returncode == 0, result.stdout + result.stderr
     (path,) = folder.glob("*.whl")
@@ -111,7 +113,7 @@ def test_an_installed_package_finds_its_robots_and_protocols(wheel: Path, tmp_pa
         capture_output=True,
         text=True,
         check=True,
-        timeout=60,
+        timeout=PATIENCE_S,
     )
     assert [Path(line) for line in result.stdout.splitlines()] == [
         tmp_path / "testbench" / "shipped" / "robots",
@@ -217,7 +219,7 @@ def test_help_imports_nothing_heavy() -> None:
 def test_help_comes_at_once() -> None:
     """In processor time, which a busy machine does not change."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([COMMAND, "--help"], capture_output=True, check=True, timeout=120)
+    subprocess.run([COMMAND, "--help"], capture_output=True, check=True, timeout=PATIENCE_S)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     taken = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     assert taken < SLOWEST_HELP_S

@@ -27,6 +27,7 @@ from testbench.reporting.sections.run import simulated_parts
 from tests.asking import run_of
 from tests.conftest import FakeClock
 from tests.drivers.trial_arm import ENTRY
+from tests.patience import PATIENCE_S
 
 ALLOWED = Watcher(FakeClock(), consent=Consent(motion=True, hazards_checked=True))
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,7 +64,7 @@ def said(*commands: list[str]) -> list[str]:
         stderr=subprocess.STDOUT,
         text=True,
         check=False,
-        timeout=120,
+        timeout=PATIENCE_S,
     )
     *told, rest = done.stdout.split("<ended>\n")
     assert not rest and len(told) == len(commands), done.stdout

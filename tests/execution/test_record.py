@@ -37,6 +37,7 @@ from testbench.pipeline.analyse import analyse
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.session import Event, RunStatus
 from tests.asking import analysis
+from tests.patience import PATIENCE_S
 
 pytest.importorskip("serial")
 
@@ -170,7 +171,7 @@ def test_ctrl_c_is_the_end_of_an_open_recording_and_an_interruption_of_a_timed_o
     ran = command("--serial", f"{board.port}:mpu6050_plain", "--logs", str(tmp_path), *timed)
     path = wait_for_samples(tmp_path)
     ran.send_signal(signal.SIGINT)
-    _, err = ran.communicate(timeout=120)
+    _, err = ran.communicate(timeout=PATIENCE_S)
     assert ran.returncode == code, err
     session = Session(path)
     assert session.status == status and len(session.imu("serial1")) > 5
@@ -186,7 +187,7 @@ def test_a_killed_recording_keeps_what_was_on_disk_and_can_be_recovered(
     with pytest.raises(SessionError, match="still being recorded"):
         recover(Session(path))
     ran.kill()
-    ran.communicate(timeout=120)
+    ran.communicate(timeout=PATIENCE_S)
     assert Session(path).status is RunStatus.RUNNING
     session = recover(Session(path))
     assert session.status is RunStatus.ABORTED and "recovered" in session.manifest.message

@@ -19,6 +19,7 @@ from testbench.formats.tables.source import ROWS_PER_CHUNK
 from testbench.formats.tables.text_table import TextTable
 from testbench.records.session.samples import ImuSamples
 from testbench.records.specs.protocol import Analysis
+from tests.patience import PATIENCE_S
 
 PROGRAM = """
 import resource, sys, time
@@ -71,7 +72,7 @@ def measure(folder: Path, block: Path, repeats: int) -> tuple[int, float, float]
         folder / f"session{repeats}",
         folder / "map.yaml",
     ]
-    result = subprocess.run(words, capture_output=True, text=True, check=False, timeout=300)
+    result = subprocess.run(words, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert result.returncode == 0, result.stderr
     count, speed, peak = result.stdout.split()
     return int(count), float(speed), float(peak)

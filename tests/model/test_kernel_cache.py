@@ -17,6 +17,7 @@ from numba.core import caching
 
 import testbench.model.rotation  # noqa: F401  (any kernel module will do)
 from testbench.model import kernel_cache
+from tests.patience import PATIENCE_S
 
 PAIR = "from typing import NamedTuple\nclass Pair(NamedTuple):\n    x: float\n    y: float\n"
 KERNEL = "from numba import njit\n@njit(cache=True)\ndef total(pair):\n    return pair.x + pair.y\n"
@@ -93,7 +94,7 @@ def test_processes_that_start_together_compile_a_kernel_once(tmp_path, monkeypat
     for own in both:  # neither waits for the end of the other
         own.stdin.write("\n")
         own.stdin.flush()
-    compiled = [own.communicate(timeout=120)[0].split() for own in both]
+    compiled = [own.communicate(timeout=PATIENCE_S)[0].split() for own in both]
     assert [sum(map(int, counts)) for counts in zip(*compiled, strict=True)] == [1, 1]
 
 

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from tests.house import ROOT
+from tests.patience import PATIENCE_S
 
 ASK = """\
 import sys
@@ -40,7 +41,7 @@ def test_the_urdf_of_an_arms_own_kinematics_is_there_until_the_process_ends(tmp_
         capture_output=True,
         text=True,
         check=True,
-        timeout=120,
+        timeout=PATIENCE_S,
     )
     urdf, there = done.stdout.split()
     assert there == "True" and Path(urdf).is_relative_to(temporary)

@@ -26,6 +26,7 @@ from testbench.records.session.session_lock import session_lock, session_locked
 from testbench.reporting.report import report
 from tests.asking import analysis
 from tests.house import ROOT
+from tests.patience import PATIENCE_S
 from tests.processes import FORKS, forked
 
 ASK = """\
@@ -216,7 +217,9 @@ def test_whoever_waits_for_a_thread_is_told_so(session, monkeypatch, caplog):
 
 def test_a_wait_is_told_on_stderr_where_nobody_has_set_up_another_way(tmp_path, holder):
     command = [sys.executable, "-c", ASK, str(tmp_path / "session")]
-    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60).stderr
+    told = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S
+    ).stderr
     assert told.startswith(f"waiting for {tmp_path / 'session'}, which another process, ")
 
 

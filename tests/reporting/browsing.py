@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import PATIENCE_S
+
 CHROMIUM = shutil.which("chromium")
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 FLAGS = (
@@ -25,7 +27,6 @@ DRAWN_MS = 15_000
 """Of the page's own clock, which stands still while it works; with 3 s and less Chromium 156 was
 seen never to end.
 """
-PATIENCE_S = 120.0
 
 
 def browse(page: Path, profile: Path, *flags: str) -> str:

@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from testbench.cli import main
+from tests.patience import PATIENCE_S
 
 CALLS = {
     "an unknown protocol": (["check", "nothing_like_it"], "NotFoundError", 2),
@@ -76,5 +77,5 @@ def test_what_works_is_still_one_object_on_stdout(tmp_path, bench):
 
 def test_a_shell_sees_the_same():
     command = [sys.executable, "-m", "testbench", "evaluate", "no/such/folder", "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert done.returncode == 2 and json.loads(done.stderr)["error"]["kind"] == "SessionError"

@@ -16,6 +16,7 @@ from testbench.cli.output import in_ranges
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
 from testbench.records.session.session import RunStatus, Session
+from tests.patience import PATIENCE_S
 from tests.processes import bench, virtual_time
 
 pytestmark = pytest.mark.slow
@@ -26,7 +27,7 @@ def run(tiny, tmp_path_factory):
     """The tiny protocol, run once from the command line of a shell: what it printed."""
     words = ["run", tiny, "--logs", tmp_path_factory.mktemp("logs"), "--seed", "4"]
     command = [sys.executable, "-m", "testbench", *words, "--no-report", "--json"]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
 
 
 def test_a_run_ends_with_one_json_object_that_names_session_outcome_and_report(run):

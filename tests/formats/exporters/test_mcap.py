@@ -31,6 +31,7 @@ from testbench.formats.exporters.ros_messages import (
     transforms_layout,
 )
 from testbench.reporting.viewer import process
+from tests.patience import PATIENCE_S
 from tests.reporting.test_viewer import chunks_of
 
 
@@ -330,7 +331,7 @@ def test_rerun_decodes_every_topic(file, messages, source, tmp_path):
         env=process._environment(tmp_path / "settings"),
         check=True,
         capture_output=True,
-        timeout=60,
+        timeout=PATIENCE_S,
     )
     rows, scalars = defaultdict(int), []
     for chunk in chunks_of(target):
