@@ -173,6 +173,25 @@ def regrouped(
         yield pa.Table.from_batches(waiting, schema).combine_chunks()
 
 
+def rows_to_arrow(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Rows as a table: a column for each key, in the order of the first row.
+
+    What is nested in a row becomes columns of its own, their names joined by dots; lists stay.
+
+    Args:
+        rows: All with the same keys; nested ones may differ.
+    """
+    return pa.Table.from_pylist([_flat(row) for row in rows])
+
+
+def _flat(row: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in row.items():
+        nested = isinstance(value, Mapping)
+        found |= _flat(value, f"{prefix}{key}.") if nested else {f"{prefix}{key}": value}
+    return found
+
+
 def read_parquet(path: Path, columns: Sequence[str] | None = None) -> dict[str, np.ndarray]:
     """Columns of a Parquet file.
 

@@ -372,7 +372,7 @@ class JointEstimate:
         }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Estimate:
     """All estimates of a session.
 
@@ -399,6 +399,10 @@ class Estimate:
     findings: list[Finding] = field(default_factory=list)
     behaviour: dict[str, str] = field(default_factory=dict)
     set_parameters: dict[str, list[str]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        filters = dict.fromkeys(name for own in self.sensors.values() for name in own.orientation)
+        return f"<Estimate of {self.session}: {', '.join(self.sensors)} by {', '.join(filters)}>"
 
     def save(self, session_folder: Path) -> None:
         """Write the folder `estimate` of a session, in place of an earlier one.

@@ -7,16 +7,16 @@ from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import TypeAdapter, with_config
 
-from testbench.exceptions import SessionError
+from testbench.exceptions import NotFoundError, SessionError
 from testbench.records.disk.json_file import plain_values, read_json, write_json
 from testbench.records.disk.json_record import AS_WRITTEN, Number, read_record
 from testbench.records.disk.replacing import replaced_folder, stored
-from testbench.records.disk.tables import read_parquet, write_parquet
+from testbench.records.disk.tables import read_parquet, rows_to_arrow, write_parquet
 from testbench.records.findings.earlier import sentences_to_findings
 from testbench.records.findings.finding import Finding
 from testbench.records.results.evaluation_rows import (
@@ -47,6 +47,9 @@ from testbench.records.results.recording_rows import (
 from testbench.records.results.uncertainty import UncertaintyBudget
 from testbench.records.session.layout import EVALUATION, EVALUATION_SUMMARY, table_file
 from testbench.records.session.session_lock import session_lock
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 SCHEMA_VERSION = 2
 
@@ -433,9 +436,12 @@ TABLES = tuple(own.name for own in fields(ResultTables) if own.name != "series")
 
 
 @with_config(AS_WRITTEN)
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Evaluation(ResultTables):
     """All results of a session.
+
+    Each of its tables is a list of rows; `to_arrow("joint_angle")` and `to_pandas` give one as a
+    data frame.
 
     Attributes:
         session: Its name.
@@ -446,6 +452,37 @@ class Evaluation(ResultTables):
     session: str
     metrics: list[Metric] = field(default_factory=list)
     outcome: Outcome = Outcome.NOT_MEASURED
+
+    def __repr__(self) -> str:
+        rows = {"metrics": self.metrics} | {name: getattr(self, name) for name in TABLES}
+        held = ", ".join(f"{len(own)} {name}" for name, own in rows.items() if own)
+        return f"<Evaluation of {self.session}: {self.verdict}; {held or 'no rows'}>"
+
+    def to_arrow(self, table: str) -> pa.Table:
+        """One of its tables, a column for each field; of nested ones with dots in the name.
+
+        Args:
+            table: "metrics" or a name of `TABLES`, such as "joint_angle".
+
+        Raises:
+            NotFoundError: There is no such table.
+        """
+        known = ["metrics", *TABLES]
+        if table not in known:
+            raise NotFoundError("table", table, known)
+        return rows_to_arrow(plain_values(getattr(self, table)))
+
+    def to_pandas(self, table: str) -> Any:
+        """The same as a pandas DataFrame; needs pandas, which the bench itself does not.
+
+        Args:
+            table: As `to_arrow` takes it.
+
+        Raises:
+            NotFoundError: There is no such table.
+            ImportError: pandas is not installed.
+        """
+        return self.to_arrow(table).to_pandas()
 
     @property
     def judged(self) -> bool:

@@ -212,7 +212,7 @@ class PlanCheck:
         return asdict(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """A checked motion.
 
@@ -229,6 +229,10 @@ class Plan:
     trajectory: Trajectory
     steps: list[PlannedStep]
     check: PlanCheck
+
+    def __repr__(self) -> str:
+        spec, robot = self.protocol.spec, self.robot.spec.name
+        return f"<Plan of {spec.name} on {robot}: {len(self.steps)} steps, {self.duration:.1f} s>"
 
     @property
     def duration(self) -> float:

@@ -80,6 +80,13 @@ class Session:
             raise SessionError(f"{self.path} {what}")
         self.manifest = Manifest.read(self.path)
 
+    def __repr__(self) -> str:
+        took = self.manifest.duration_s
+        lasting = "" if took is None else f", {took:.1f} s"
+        return (
+            f"<Session {self.path}: {self.status.value}{lasting}, {', '.join(self.sensor_names)}>"
+        )
+
     @property
     def name(self) -> str:
         return self.path.name
