@@ -94,15 +94,17 @@ class Thinner:
     def _steps(self, chunk: ImuSamples, count: int) -> dict[str, np.ndarray]:
         each = self._each
         size = count * each
-        some = chunk.gyr[:size][::SPARSE]
-        some = some[(np.abs(some) < ABSURD).all(axis=1)]
-        usual = some.mean(axis=0) if len(some) else np.zeros(3)
+        rates = np.ascontiguousarray(chunk.gyr.T, dtype=float)
+        some = rates[:, :size:SPARSE]
+        some = some[:, (np.abs(some) < ABSURD).all(axis=0)]
+        seen = some.shape[1]
+        usual = some.mean(axis=1) if seen else np.zeros(3)
         gyr, acc, zeros = _means(
-            np.ascontiguousarray(chunk.gyr.T[:, :size], dtype=float),
-            np.ascontiguousarray(chunk.acc.T[:, :size], dtype=float),
+            rates,
+            np.ascontiguousarray(chunk.acc.T, dtype=float),
             each,
             usual,
-            float(np.sum((some - usual) ** 2, axis=1).mean()) / 4 if len(some) else 0.0,
+            float(((some - usual[:, None]) ** 2).sum()) / seen / 4 if seen else 0.0,
         )
         self._zeros += int(zeros)
         self._count += size

@@ -88,9 +88,10 @@ class RunLengths:
     @property
     def period(self) -> int:
         """Longest usual distance of new readings where they come at a lower rate; else 1 [rows]."""
+        if self.old <= SELDOM * self.rows:
+            return 1
         middle, long = self.quantile(0.5), self.quantile(0.95)
-        slower = self.old > SELDOM * self.rows and middle >= 2 and long <= 2 * middle + 1
-        return long if slower else 1
+        return long if middle >= 2 and long <= 2 * middle + 1 else 1
 
 
 def lengths_of(rows: np.ndarray) -> np.ndarray:
