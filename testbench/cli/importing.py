@@ -44,6 +44,12 @@ if TYPE_CHECKING:
     from testbench.records.session.session import Session
 
 
+OF_NEARLY_ALL = ("date.unknown", "structure.mapping", "consistency.unchecked")
+"""Findings of nearly every recording, which a few words say or nobody needs to be told; the report
+and --json hold them whole.
+"""
+
+
 def _complete_format(incomplete: str) -> list[str]:
     from testbench.formats import FORMATS
 
@@ -217,12 +223,19 @@ def _say_imported(session: Session, json: bool) -> None:
         return
     for name, count in manifest.samples.items():
         say(f"{name}: {count} samples at {manifest.sensors[name].rate_hz:g} Hz")
-    say_findings(manifest.findings)
+    say_findings(one for one in manifest.findings if one.code not in OF_NEARLY_ALL)
+    unshown: dict[str, list[str]] = {}
+    for one in manifest.findings:
+        if one.code == "consistency.unchecked":
+            unshown.setdefault(str(one.values["in_short"]), []).append(one.where)
+    for what, sensors in unshown.items():
+        say(f"unchecked, for the motion does not show it: {', '.join(sensors)}: {what}")
     say(f"duration: {manifest.duration_s or 0.0:.1f} s")
     dated = (
         f"{manifest.recorded_utc}, by {manifest.recorded_by}"
         if manifest.recorded_utc
-        else "date unknown"
+        else "date unknown; --recorded-at 2021-08-20 states it, by which the nearest of several "
+        "stored calibrations is chosen"
     )
     say(f"recorded: {dated}")
     say(f"session: {session.path}")

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -57,9 +58,15 @@ def say_note(message: str) -> None:
 
 
 def say_findings(findings: Iterable[Finding]) -> None:
-    """A line a finding, which says how much it weighs; what weighs more stands first."""
-    for finding in sorted(findings, key=lambda one: one.severity != "warning"):
-        say(f"{finding.severity}: {finding}")
+    """A line a finding, which says how much it weighs; what weighs more stands first, and what is
+    the same of several sensors is said once.
+    """
+    same: dict[tuple[str, ...], list[Finding]] = {}
+    for one in sorted(findings, key=lambda one: one.severity != "warning"):
+        same.setdefault((one.severity, one.sentence, one.remedy), []).append(one)
+    for alike in same.values():
+        where = ", ".join(one.where for one in alike if one.where)
+        say(f"{alike[0].severity}: {replace(alike[0], where=where)}")
 
 
 def say_json(data: Any) -> None:

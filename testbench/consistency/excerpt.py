@@ -94,15 +94,17 @@ class Thinner:
     def _steps(self, chunk: ImuSamples, count: int) -> dict[str, np.ndarray]:
         each = self._each
         size = count * each
-        some = chunk.gyr[:size][::SPARSE]
-        some = some[(np.abs(some) < ABSURD).all(axis=1)]
-        usual = some.mean(axis=0) if len(some) else np.zeros(3)
+        rates = np.ascontiguousarray(chunk.gyr.T, dtype=float)
+        some = rates[:, :size:SPARSE]
+        some = some[:, (np.abs(some) < ABSURD).all(axis=0)]
+        seen = some.shape[1]
+        usual = some.mean(axis=1) if seen else np.zeros(3)
         gyr, acc, zeros = _means(
-            np.ascontiguousarray(chunk.gyr[:size], dtype=float),
-            np.ascontiguousarray(chunk.acc[:size], dtype=float),
+            rates,
+            np.ascontiguousarray(chunk.acc.T, dtype=float),
             each,
             usual,
-            float(np.sum((some - usual) ** 2, axis=1).mean()) / 4 if len(some) else 0.0,
+            float(((some - usual[:, None]) ** 2).sum()) / seen / 4 if seen else 0.0,
         )
         self._zeros += int(zeros)
         self._count += size
@@ -220,33 +222,33 @@ def _bridged(array: np.ndarray, follows: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _means(gyr, acc, each, usual, far):  # type: ignore[no-untyped-def]
-    """Means over each so many rows, NaN where a row is no measurement, and the number of rows whose
-    accelerometer alone is exactly zero. A triad that is not there is NaN throughout. A rate turns
-    if the square of its distance from the usual one is beyond `far`.
+    """Means over each so many samples, a row an axis; NaN where a sample is no measurement, and the
+    number of samples whose accelerometer alone is exactly zero. A triad that is not there is NaN
+    throughout. A rate turns if the square of its distance from the usual one is beyond `far`.
     """
-    count = len(gyr) // each
+    count = gyr.shape[1] // each
     rates, forces = np.empty((count, 3)), np.empty((count, 3))
     zeros = same = 0
     for step in range(count):
         dead = False
         for k in range(3):
             rates[step, k] = forces[step, k] = 0.0
-        for row in range(step * each, (step + 1) * each):
-            repeated = row > 0
+        for at in range(step * each, (step + 1) * each):
+            repeated = at > 0
             still = weightless = True
             for k in range(3):
-                still &= gyr[row, k] == 0
-                weightless &= acc[row, k] == 0
-                repeated &= gyr[row, k] == gyr[row - 1, k] and acc[row, k] == acc[row - 1, k]
-                rates[step, k] += gyr[row, k] / each if abs(gyr[row, k]) < ABSURD else np.nan
-                forces[step, k] += acc[row, k] / each if abs(acc[row, k]) < ABSURD else np.nan
+                still &= gyr[k, at] == 0
+                weightless &= acc[k, at] == 0
+                repeated &= gyr[k, at] == gyr[k, at - 1] and acc[k, at] == acc[k, at - 1]
+                rates[step, k] += gyr[k, at] / each if abs(gyr[k, at]) < ABSURD else np.nan
+                forces[step, k] += acc[k, at] / each if abs(acc[k, at]) < ABSURD else np.nan
             zeros += weightless and not still
             same = same + 1 if repeated else 0
             # repeated so often, it is no measurement
             if same >= STUCK:
                 off = 0.0
                 for k in range(3):
-                    off += (gyr[row, k] - usual[k]) ** 2
+                    off += (gyr[k, at] - usual[k]) ** 2
                 dead |= off > far
             dead |= still and weightless
         for k in range(3):

@@ -46,6 +46,7 @@ RARE = 1e-3
 SHORTEST_RUN = 5
 """This many identical readings in a row, at least, are stuck."""
 LONGEST_RUN = 4096
+NO_ROWS = np.zeros(0, dtype=int)
 SELDOM = 0.3
 """Where more than this of the rows bring nothing new of a quantity, it may be slower than the
 others.
@@ -66,10 +67,13 @@ class RunLengths:
             old: Indices of the rows that bring nothing new, increasing, shape (k,).
             rows: How many rows there are.
         """
+        self.rows, self.old = self.rows + rows, self.old + len(old)
+        if not len(old):
+            self._counts[1] += rows
+            return
         lengths = 1 + lengths_of(old)
         self._counts += np.bincount(np.minimum(lengths, LONGEST_RUN), minlength=LONGEST_RUN + 1)
         self._counts[1] += max(rows - len(old) - len(lengths), 0)
-        self.rows, self.old = self.rows + rows, self.old + len(old)
 
     def quantile(self, part: float) -> int:
         """Rows from one new reading to the next that so many runs do not exceed."""
@@ -84,9 +88,10 @@ class RunLengths:
     @property
     def period(self) -> int:
         """Longest usual distance of new readings where they come at a lower rate; else 1 [rows]."""
+        if self.old <= SELDOM * self.rows:
+            return 1
         middle, long = self.quantile(0.5), self.quantile(0.95)
-        slower = self.old > SELDOM * self.rows and middle >= 2 and long <= 2 * middle + 1
-        return long if slower else 1
+        return long if middle >= 2 and long <= 2 * middle + 1 else 1
 
 
 def lengths_of(rows: np.ndarray) -> np.ndarray:
@@ -99,6 +104,17 @@ def lengths_of(rows: np.ndarray) -> np.ndarray:
         return np.zeros(0, dtype=np.int64)
     starts = np.flatnonzero(np.diff(rows, prepend=rows[0] - 2) != 1)
     return np.diff(np.append(starts, len(rows)))
+
+
+def longest_of(rows: np.ndarray) -> int:
+    """Length of the longest run of consecutive numbers, 0 if there are none.
+
+    Args:
+        rows: Increasing, shape (k,).
+    """
+    if len(rows) and not (rows[1:] - rows[:-1] == 1).any():
+        return 1
+    return int(lengths_of(rows).max(initial=0))
 
 
 @dataclass
@@ -129,6 +145,7 @@ class QuantityTraits:
     high_run: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
     axis_run: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
     _noise: list[np.ndarray] = field(default_factory=list)
+    _waiting: list[np.ndarray] = field(default_factory=list)
     _quantum: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
     _last: np.ndarray | None = None
 
@@ -141,31 +158,46 @@ class QuantityTraits:
         rows = len(array)
         if not rows:
             return
-        missing = np.flatnonzero(~finite_rows(array))
-        whole = not len(missing)
+        low, high = _ends(array)
+        whole = bool(np.isfinite([low, high]).all())
+        missing = NO_ROWS if whole else np.flatnonzero(~finite_rows(array))
         self.missing.add(missing, rows)
-        repeats = repeated_rows(array, self._last)
-        self.repeated.add(repeats, rows - len(missing))
+        held = np.flatnonzero(array[1:, 0] == array[:-1, 0])
+        self.repeated.add(repeated_rows(array, self._last, held), rows - len(missing))
         self._last = array[-1:].copy()
         if self.key == "device_q" or len(missing) == rows:
             return
-        known = array if whole else np.delete(array, missing, axis=0)
-        self.zero += len(zero_rows(known))
-        beyond = beyond_rows(known, MOST[self.key])
-        self.beyond += len(beyond)
-        if len(beyond):
+        known = array
+        if not whole:
+            known = np.delete(array, missing, axis=0)
+            low, high = _ends(known)
+        self.zero += len(zero_rows(known)) if low[0] <= 0 <= high[0] else 0
+        if max(high.max(), -low.min()) > MOST[self.key]:
+            beyond = beyond_rows(known, MOST[self.key])
+            self.beyond += len(beyond)
             known = np.delete(known, beyond, axis=0)
-        if len(known):
-            self._extremes(known)
-            self._blocks(known, self.repeated.period)
+            if not len(known):
+                return
+            low, high = _ends(known)
+        self._extremes(known, low, high, held if known is array else None)
+        self._blocks(known, self.repeated.period)
 
-    def _extremes(self, array: np.ndarray) -> None:
+    def _extremes(
+        self, array: np.ndarray, low: np.ndarray, high: np.ndarray, first: np.ndarray | None
+    ) -> None:
+        """Note the ends of the readings, and for how long they stay there or anywhere.
+
+        Args:
+            array: Shape (n, k).
+            low: Smallest reading of each axis, shape (k,).
+            high: Largest, shape (k,).
+            first: Rows whose first axis reads as in the row after, where that is known.
+        """
         for k, column in enumerate(array.T):
-            held = lengths_of(np.flatnonzero(column[1:] == column[:-1]))
-            self.axis_run[k] = max(int(self.axis_run[k]), int(held.max(initial=0)))
-        # column by column: ten times as fast as along an axis of three
-        low = np.array([column.min() for column in array.T])
-        high = np.array([column.max() for column in array.T])
+            held = first if k == 0 else None
+            if held is None:
+                held = np.flatnonzero(column[1:] == column[:-1])
+            self.axis_run[k] = max(int(self.axis_run[k]), longest_of(held))
         for extreme, own, runs, beats in (
             (low, self.low, self.low_run, low < self.low),
             (high, self.high, self.high_run, high > self.high),
@@ -173,8 +205,9 @@ class QuantityTraits:
             runs[beats] = 0
             own[beats] = extreme[beats]
             for axis in np.flatnonzero(extreme == own):
-                longest = lengths_of(np.flatnonzero(array[:, axis] == own[axis])).max(initial=0)
-                runs[axis] = max(runs[axis], longest)
+                runs[axis] = max(
+                    int(runs[axis]), longest_of(np.flatnonzero(array[:, axis] == own[axis]))
+                )
 
     def _blocks(self, array: np.ndarray, period: int) -> None:
         """Noise of some blocks of rows, by axis; of new readings only where they come seldom."""
@@ -183,9 +216,20 @@ class QuantityTraits:
         if len(array) < 8:
             return
         size = min(BLOCK, len(array))
-        wanted = BLOCKS if sum(map(len, self._noise)) < ENOUGH_BLOCKS else FURTHER_BLOCKS
+        enough = sum(map(len, self._noise)) >= ENOUGH_BLOCKS
+        wanted = FURTHER_BLOCKS if enough else BLOCKS
         begins = np.unique(np.linspace(0, len(array) - size, wanted).astype(int))
-        blocks = array[begins[:, None] + np.arange(size)]
+        if self._waiting and self._waiting[0].shape[1] != size:
+            self._measure()
+        self._waiting.append(array[begins[:, None] + np.arange(size)])
+        if not enough or sum(map(len, self._waiting)) >= ENOUGH_BLOCKS:
+            self._measure()
+
+    def _measure(self) -> None:
+        """Tell the noise of the blocks that wait: of many at once, for that takes hardly longer."""
+        if not self._waiting:
+            return
+        blocks, self._waiting = np.concatenate(self._waiting), []
         first = np.abs(np.diff(blocks, axis=1))
         changes = first.max(axis=(1, 2)) > 0
         first, blocks = first[changes], blocks[changes]
@@ -237,6 +281,7 @@ class QuantityTraits:
         Two readings of normal noise of standard deviation s round to the same multiple of q with
         a probability of about q / (2 s sqrt(pi)).
         """
+        self._measure()
         found = np.ones(len(self.low))
         if not self._noise:
             return found
@@ -253,6 +298,7 @@ class QuantityTraits:
     @property
     def quantum(self) -> np.ndarray:
         """Smallest change of each axis, infinite where none was seen, shape (k,)."""
+        self._measure()
         return self._quantum
 
     @property
@@ -318,6 +364,20 @@ class Traits:
         return bool(self.has_noise and living and enough and all(own.constant for own in living))
 
 
+def _ends(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest reading of each axis, shape (k,) each; one is not finite where any is
+    not.
+
+    Args:
+        array: Shape (n, k).
+    """
+    with np.errstate(invalid="ignore"):
+        # column by column: ten times as fast as along an axis of three
+        low = np.array([column.min() for column in array.T])
+        high = np.array([column.max() for column in array.T])
+    return low, high
+
+
 def finite_rows(array: np.ndarray) -> np.ndarray:
     """Rows that are finite throughout, shape (n,), bool; twice as fast as all(axis=1).
 
@@ -349,14 +409,19 @@ def zero_rows(array: np.ndarray) -> np.ndarray:
     return _all_of(array, np.flatnonzero(array[:, 0] == 0), 0.0)
 
 
-def repeated_rows(array: np.ndarray, before: np.ndarray | None = None) -> np.ndarray:
+def repeated_rows(
+    array: np.ndarray, before: np.ndarray | None = None, first: np.ndarray | None = None
+) -> np.ndarray:
     """Rows that equal the one before them, increasing.
 
     Args:
         array: Shape (n, k).
         before: The row before the first, shape (1, k), or None.
+        first: Rows whose first axis reads as in the row after, shape (m,); found if None.
     """
-    rows = _all_of(array[1:], np.flatnonzero(array[1:, 0] == array[:-1, 0]), array[:-1]) + 1
+    if first is None:
+        first = np.flatnonzero(array[1:, 0] == array[:-1, 0])
+    rows = _all_of(array[1:], first, array[:-1]) + 1
     if before is not None and len(array) and bool((array[:1] == before).all()):
         rows = np.concatenate([[0], rows])
     return rows
@@ -370,10 +435,10 @@ def beyond_rows(array: np.ndarray, most: float) -> np.ndarray:
         most: The limit.
     """
     if not len(array):
-        return np.zeros(0, dtype=int)
+        return NO_ROWS
     largest, smallest = np.fmax.reduce(array, axis=None), np.fmin.reduce(array, axis=None)
     if not (largest > most or smallest < -most):
-        return np.zeros(0, dtype=int)
+        return NO_ROWS
     return np.flatnonzero((np.abs(array) > most).any(axis=1) & finite_rows(array))
 
 

@@ -80,8 +80,13 @@ class AxisMap:
         Returns:
             Shape (n, 3), in the same unit.
         """
+        if np.array_equal(self.matrix, IDENTITY.matrix):
+            return x_file
         source = np.argmax(np.abs(self.matrix), axis=1)
-        return x_file[:, source] * self.matrix[np.arange(3), source]
+        result = np.empty((3, len(x_file)))  # each column in one piece, as they were read
+        for own, column, row in zip(self.matrix, source, result, strict=True):
+            np.multiply(x_file[:, column], own[column], out=row)
+        return result.T
 
     def orientations(self, q_earth_from_file: np.ndarray) -> np.ndarray:
         """Orientations of the sensor frame; the map must be a rotation.

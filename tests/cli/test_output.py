@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from testbench.cli.output import in_ranges
+from testbench.cli.output import in_ranges, say_findings
+from testbench.records.findings.finding import Finding, Severity
 
 
 @pytest.mark.parametrize(
@@ -38,3 +39,15 @@ def test_every_number_is_named_or_counted(numbers, longest):
     assert named == sorted(numbers)[: len(named)]
     assert len(named) + int(more.removesuffix(" more") or 0) == len(numbers)
     assert len(said) <= max(longest, 7)
+
+
+def test_what_is_the_same_of_several_sensors_is_said_once_and_warnings_first(capsys):
+    lacks = [Finding("a.b", Severity.NOTE, name, "it lacks x", remedy="add x") for name in "lr"]
+    other = Finding("a.c", Severity.NOTE, "l", "it lacks y", remedy="add x")
+    wrong = Finding("a.d", Severity.WARNING, "", "it is late")
+    say_findings([lacks[0], other, lacks[1], wrong])
+    assert capsys.readouterr().out.splitlines() == [
+        "warning: it is late",
+        "note: l, r: it lacks x - add x",
+        "note: l: it lacks y - add x",
+    ]

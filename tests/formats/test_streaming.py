@@ -14,6 +14,7 @@ from pyarrow import csv
 
 from testbench.exceptions import FileProblems, SessionError
 from testbench.formats.recording import ImportedSensor, Recording, write_recording
+from testbench.formats.tables import text_table
 from testbench.formats.tables.bytes_stream import LineStream
 from testbench.formats.tables.source import ROWS_PER_CHUNK
 from testbench.formats.tables.text_table import TextTable
@@ -158,3 +159,55 @@ def test_a_file_is_read_in_the_calling_thread_alone(tmp_path, monkeypatch):
     table = TextTable(tmp_path / "d.csv", [str(i) for i in range(1, 8)], 1)
     next(table.chunks({"4": "float"}))
     assert threads == {threading.get_ident()}
+
+
+def test_who_looks_at_the_beginning_of_a_long_file_reads_and_parses_little_of_it(
+    tmp_path, monkeypatch
+):
+    """Each importer looks half a dozen times; 8,192 rows tell what is usual in a file."""
+    write(tmp_path / "d.csv", 200_000)
+    sizes, parsed = [], text_table._parsed
+    monkeypatch.setattr(
+        text_table,
+        "_parsed",
+        lambda block, layout: sizes.append(len(block)) or parsed(block, layout),
+    )
+    table = TextTable(tmp_path / "d.csv", [str(i) for i in range(1, 8)], 1)
+    next(table.chunks({"4": "float"}))
+    assert sum(sizes) < 300_000
+    sizes.clear()
+    chunks = table.chunks({"4": "float"})
+    rows = 0
+    while rows < 8192:
+        rows += len(next(chunks)["4"])
+    chunks.close()
+    assert rows < 20_000 and sum(sizes) < 1_000_000
+
+
+@pytest.mark.parametrize("separator", [",", " "])
+@pytest.mark.parametrize(("bad", "said"), [(b"\0", "zero bytes"), (b"\xe9", "0xE9 .*not utf-8")])
+@pytest.mark.parametrize("line", [3, 20_000, 61_234])
+def test_a_bad_byte_is_found_on_its_line_however_far_down(tmp_path, separator, bad, said, line):
+    row = separator.join(["1.25"] * 12).encode() + b"\n"  # 60 bytes: pieces end within rows
+    rows = [row] * 70_000
+    rows[line - 1] = bad + row
+    (tmp_path / "d.csv").write_bytes(b"".join(rows))
+    blanks = separator == " "
+    with (
+        pytest.raises(FileProblems, match=f":{line}: .*{said}"),
+        LineStream(tmp_path / "d.csv", "utf-8", squeeze=blanks) as stream,
+    ):
+        list(stream.blocks())
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16-le", "cp1252"])
+def test_blocks_hold_every_line_whole_and_once(tmp_path, encoding):
+    rng = np.random.default_rng(3)
+    lines = [f"{i}," + "\u00e9" * int(k) for i, k in enumerate(rng.integers(0, 60, 150_000))]
+    (tmp_path / "d.csv").write_bytes("\n".join(lines).encode(encoding))
+    with LineStream(tmp_path / "d.csv", encoding, skip=7) as stream:
+        blocks = list(stream.blocks())
+    assert b"".join(blocks).decode().split("\n") == lines[7:]
+    assert all(block.endswith(b"\n") for block in blocks[:-1])
+    sizes = [len(block) for block in blocks]
+    assert len(sizes) > 3 and sizes[0] < sizes[1] < sizes[2]

@@ -64,9 +64,9 @@ class Conversion:
         values: dict[str, np.ndarray | None] = dict.fromkeys(("acc", "gyr", MAGNETIC))
         for quantity, vector in self.vectors.items():
             part = vector.part
+            factor = part.scale * self.factors[quantity]
             values[quantity] = vector.axes.vectors(
-                (stack(columns, vector.titles) - part.offset)
-                * (part.scale * self.factors[quantity])
+                stack(columns, vector.titles, factor, part.offset)
             )
         q = None
         if self.quaternion is not None:

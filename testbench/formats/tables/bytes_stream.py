@@ -12,17 +12,17 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.binary_kinds import binary_kind
 
 LONGEST_LINE = 1_000_000
 """Bytes; a longer one is no row of a table."""
-BLOCK = 1 << 22
-FIRST_PART = 8
-"""The first block of lines is by so much shorter than those that follow."""
-NEWLINE = ord("\n")
+FIRST, DOUBLINGS = 1 << 18, 3
+"""Bytes that are read at first, and so often twice as many as before: who looks at the beginning
+of a file alone reads little.
+"""
+BLOCK = FIRST << DOUBLINGS
+"""Bytes that are read at once from then on."""
 _TOO_LONG = f"a line is longer than {LONGEST_LINE // 1_000_000} MB; this is not a table of samples"
 SNIFFED = 4096
 """Bytes from which the encoding of a file without a mark is told."""
@@ -52,7 +52,7 @@ class LineStream(io.RawIOBase):
         }
         self._clean = True  # the decoder holds no part of a character
         self._file = file.open("rb")
-        self._lines, self._out, self._held, self._ended = 0, b"", b"", False
+        self._pieces, self._out, self._held, self._ended = 0, b"", b"", False
         self._returns_only: bool | None = None  # whether lines end in CR alone, once that is seen
         self._skip(skip)
 
@@ -91,20 +91,17 @@ class LineStream(io.RawIOBase):
         if held:
             yield held.decode("utf-8").rstrip("\r")
 
-    def blocks(self, size: int) -> Iterator[bytes]:
-        """Whole lines in pieces of about so many bytes; pieces of nothing but blanks are left out.
-
-        The first is shorter: who looks at the beginning of a file alone reads little more.
-
-        Args:
-            size: [bytes].
+    def blocks(self) -> Iterator[bytes]:
+        """Whole lines in pieces of about `BLOCK` bytes, the first ones shorter; pieces of nothing
+        but blanks are left out.
         """
-        held, taken = b"", size // FIRST_PART
-        while block := self.read(taken):
-            taken = size
+        held = b""
+        while not self._ended or self._out:
+            block, self._out = self._out or self._next(), b""
             end = block.rfind(b"\n") + 1
             if end:
-                text, held = held + block[:end], block[end:]
+                text = b"".join((held, memoryview(block)[:end]))
+                held = block[end:]
                 if not text.isspace():
                     yield text
             else:
@@ -126,7 +123,7 @@ class LineStream(io.RawIOBase):
 
     def _next(self) -> bytes:
         """The next piece in UTF-8; empty at the end, or when a piece holds nothing but blanks."""
-        raw = self._file.read(BLOCK)
+        raw = self._file.read(FIRST << min(self._pieces, DOUBLINGS))
         if not raw:
             self._ended = True
             self._decode(b"", final=True)
@@ -141,8 +138,7 @@ class LineStream(io.RawIOBase):
             self._returns_only = b"\r" in text and b"\n" not in text
         if self._returns_only:
             text = text.replace(b"\r", b"\n")
-        # eight times as fast as bytes.count over a recording of 90 MB
-        self._lines += int(np.count_nonzero(np.frombuffer(text, np.uint8) == NEWLINE))
+        self._pieces += 1
         if not self._squeeze:
             return text
         whole, newline, rest = (self._held + text).rpartition(b"\n")
@@ -157,7 +153,7 @@ class LineStream(io.RawIOBase):
         try:
             text = self._decoder.decode(raw, final)
         except UnicodeDecodeError as error:
-            line = self._lines + error.object[: error.start].count(b"\n") + 1
+            line = self._line_of(error.object, error.start)
             shown = " ".join(
                 f"0x{byte:02X}" for byte in error.object[error.start : error.start + 3]
             )
@@ -177,7 +173,12 @@ class LineStream(io.RawIOBase):
         return text[1:] if text[:1] == b" " else text
 
     def _line_of(self, text: bytes, position: int) -> int:
-        return self._lines + text.count(b"\n", 0, position) + 1
+        """The line of a byte of the piece at hand; those before it are counted once more, here
+        alone.
+        """
+        with LineStream(self._path, self._encoding) as again:
+            before = sum(again._next().count(b"\n") for _ in range(self._pieces))
+        return before + text.count(b"\n", 0, position) + 1
 
     def _refuse(self, message: str, line: int | None = None) -> FileProblems:
         return FileProblems(self._path, [Problem(message, line=line)])

@@ -216,15 +216,14 @@ def _check_order(time: np.ndarray, latest: int) -> None:
 
 def _assemble(time: np.ndarray, origin: int, counter: np.ndarray, q: Quantities) -> ImuSamples:
     count = len(time)
-    unknown = np.full((count, 3), np.nan)
     calendar = (
         abs(origin) > YEAR_NS
     )  # a date, not a clock that began at power-up: only the time since the start is kept
     return ImuSamples(
         time - origin if calendar else time,
         time - origin,
-        unknown if q.gyr is None else q.gyr,
-        unknown if q.acc is None else q.acc,
+        np.full((count, 3), np.nan) if q.gyr is None else q.gyr,
+        np.full((count, 3), np.nan) if q.acc is None else q.acc,
         q.mag,
         q.device_q,
         counter,
@@ -233,22 +232,29 @@ def _assemble(time: np.ndarray, origin: int, counter: np.ndarray, q: Quantities)
     )
 
 
-def stack(columns: Columns, names: list[str], factor: float = 1.0) -> np.ndarray:
-    """Columns side by side times a factor.
+def stack(
+    columns: Columns, names: list[str], factor: float = 1.0, offset: float = 0.0
+) -> np.ndarray:
+    """Columns side by side, less an offset and then times a factor.
 
     Args:
         columns: By name, each of shape (n,).
         names: Those wanted, k of them.
         factor: Of every number.
+        offset: Taken off every number first.
 
     Returns:
-        Shape (n, k).
+        Shape (n, k), each column in one piece: checks and disk take them one by one.
     """
-    result = np.column_stack([columns[name] for name in names])
-    if factor == 1.0:
-        return result
+    result = np.empty((len(names), len(columns[names[0]])))
     with np.errstate(over="ignore"):  # infinite: not finite is what is said of it later
-        return np.asarray(result * factor)
+        for name, row in zip(names, result, strict=True):
+            if offset:
+                np.subtract(columns[name], offset, out=row)
+                row *= factor
+            else:
+                np.multiply(columns[name], factor, out=row)
+    return result.T
 
 
 def specific_force(q_earth_from_sensor: np.ndarray, free_acceleration: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from testbench.exceptions import FileProblems, Problem, one_line
 from testbench.formats.tables.ahead import worked_ahead
 from testbench.formats.tables.broken_lines import Broken, ends_a_line, find_broken, without
 from testbench.formats.tables.bytes_stream import (
+    BLOCK,
     LineStream,
     check_readable,
     encoding_of,
@@ -31,7 +32,6 @@ from testbench.records.disk.tables import from_arrow
 
 HEAD_LINES = 200
 """A header and what stands before it are looked for among so many lines."""
-BLOCK_BYTES = 2 << 20
 Layout = tuple[arrow_csv.ReadOptions, arrow_csv.ParseOptions, arrow_csv.ConvertOptions]
 _CLOCK = (
     r"(?:(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})[T_ ]+)?"
@@ -168,7 +168,7 @@ class TextTable:
         layout: Layout = (
             arrow_csv.ReadOptions(
                 column_names=[f"c{i}" for i in range(self._width)],
-                block_size=2 * BLOCK_BYTES,
+                block_size=2 * BLOCK,
                 use_threads=False,
             ),
             arrow_csv.ParseOptions(delimiter=self.separator),
@@ -184,9 +184,7 @@ class TextTable:
             with self._stream() as stream:
                 # by hand and not by open_csv: its thread that reads ahead calls Python, and where
                 # the reading breaks off aborts the interpreter at its end
-                blocks = worked_ahead(
-                    lambda block: _parsed(block, layout), stream.blocks(BLOCK_BYTES)
-                )
+                blocks = worked_ahead(lambda block: _parsed(block, layout), stream.blocks())
                 for block, table_of in blocks:
                     try:
                         table = table_of()

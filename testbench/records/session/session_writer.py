@@ -6,12 +6,13 @@ import fcntl
 import hashlib
 import os
 import platform
+import re
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from errno import ELOOP
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, distribution
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
@@ -282,11 +283,23 @@ def software_versions() -> dict[str, str]:
     versions = {"python": platform.python_version()}
     for name in RECORDED_PACKAGES:
         try:
-            versions[name] = version(name)
+            versions[name] = _version(name)
         except PackageNotFoundError:
             continue
     commit = source_commit()
     return versions | ({"git_commit": commit} if commit else {})
+
+
+def _version(name: str) -> str:
+    """Version of a package by the line of its metadata that states it: to parse the whole, as
+    `importlib.metadata.version` does, takes ten times as long, 50 ms for all.
+
+    Raises:
+        PackageNotFoundError: It is not installed.
+    """
+    own = distribution(name)
+    stated = re.search(r"^Version:\s*(\S+)", own.read_text("METADATA") or "", re.MULTILINE)
+    return own.version if stated is None else stated[1]
 
 
 def deciding_versions(software: Mapping[str, str]) -> dict[str, str]:
