@@ -24,6 +24,13 @@ class PlaceBy(StrEnum):
     stated = "stated"
 
 
+class Hemisphere(StrEnum):
+    """Of the magnetic equator."""
+
+    north = "north"
+    south = "south"
+
+
 class JointUnit(StrEnum):
     """Unit of joint angles."""
 
@@ -75,6 +82,14 @@ EncodingOption = Annotated[
         "--encoding",
         metavar="NAME",
         help="Of text files: utf-8, utf-16, utf-16-le, utf-16-be, latin-1, cp1252.",
+    ),
+]
+HemisphereOption = Annotated[
+    Hemisphere | None,
+    _left_open(
+        "--hemisphere",
+        help="Where it was recorded; by the dip of a magnetometer's field it tells the sign of "
+        "the accelerometer.",
     ),
 ]
 TruthOption = Annotated[

@@ -15,6 +15,7 @@ from testbench.cli.import_options import (
     DwellOption,
     EncodingOption,
     ForwardOption,
+    HemisphereOption,
     JointOption,
     JointUnitOption,
     LinkOption,
@@ -84,6 +85,7 @@ def import_files(
     axes: AxesOption = None,
     recorded_at: RecordedAtOption = None,
     encoding: EncodingOption = None,
+    hemisphere: HemisphereOption = None,
     truth: TruthOption = None,
     robot: RobotOption = None,
     link: LinkOption = None,
@@ -111,8 +113,15 @@ def import_files(
     from testbench.pipeline.bring_in import bring_in
     from testbench.pipeline.request import BodyRequest, ImportRequest, TruthRequest
 
+    of_body = any((joint, sequence, place_by, standing, forward, segment))
     if guess:
-        _guess([Path(format_name), *(files or [])], out, json)
+        further = (mapping, axes, recorded_at, encoding, hemisphere, truth, of_body or None)
+        if any(option is not None for option in further):
+            raise InputError(
+                "--guess looks at the files by themselves: beside them it takes --out, --rate and "
+                "--unit; give the other options to the import that it names"
+            )
+        _guess([Path(format_name), *(files or [])], out, rate, unit or [], json)
         return
     if not files:
         raise InputError(f"no files were given to read with the format {format_name}")
@@ -126,7 +135,7 @@ def import_files(
             "describe the file of --truth"
         )
     angles: Any = None if joint_unit is None else joint_unit.value
-    of_body = any((joint, sequence, place_by, standing, forward, segment))
+    where: Any = None if hemisphere is None else hemisphere.value
     session = bring_in(
         ImportRequest(
             format=format_name,
@@ -138,6 +147,7 @@ def import_files(
             axes=axes,
             recorded_at=recorded_at,
             encoding=encoding,
+            hemisphere=where,
             truth=None
             if truth is None
             else TruthRequest(
@@ -171,11 +181,13 @@ def import_files(
     _say_imported(session, json)
 
 
-def _guess(files: list[Path], out: Path | None, json: bool) -> None:
+def _guess(
+    files: list[Path], out: Path | None, rate: float | None, units: list[str], json: bool
+) -> None:
     """Say what files seem to be."""
     from testbench.pipeline.bring_in import guess_mapping
 
-    found = guess_mapping(map(str, files), None if out is None else str(out))
+    found = guess_mapping(map(str, files), None if out is None else str(out), rate, units)
     names = shlex.join(map(str, files))
     if json:
         say_json(
@@ -187,19 +199,23 @@ def _guess(files: list[Path], out: Path | None, json: bool) -> None:
             }
         )
         return
+
+    def answered(name: str) -> str:
+        return "".join(f" {option}" for option in found.answers.get(name, ()))
+
     for name, what in found.formats.items():
         say(f"format {name}: {what}")
         asked = re.search(r"--unit \w+=\w+|--rate HZ", what)
         options = f" {asked[0]}" if asked and what.startswith("it asks") else ""
-        say(f"  testbench import {name} {names}{options} --out SESSION")
+        say(f"  testbench import {name} {names}{answered(name)}{options} --out SESSION")
     for name, what in found.shipped.items():
         say(f"mapping {name}, which ships: {what}")
-        say(f"  testbench import generic {names} --mapping {name} --out SESSION")
+        say(f"  testbench import generic {names} --mapping {name}{answered(name)} --out SESSION")
     for sentence in found.seen:
         say(sentence)
     if found.mapping is not None:
         say(f"mapping: {found.mapping}")
-        options = "".join(f" {option}" for option in found.open_options)
+        options = answered("") + "".join(f" {option}" for option in found.open_options)
         mapping = shlex.quote(str(found.mapping))
         say(f"  testbench import generic {names} --mapping {mapping}{options} --out SESSION")
 

@@ -11,11 +11,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from testbench.consistency.straight import straight_rows
 from testbench.consistency.traits import (
     ABSURD,
     LONGEST_RUN,
     MOST,
     MOST_REPEATED,
+    MOST_STRAIGHT,
     QUANTITIES,
     SELDOM_AXIS,
     TRIADS,
@@ -35,6 +37,7 @@ from testbench.records.specs.exclusion import Exclusion
 SATURATED, NOT_FINITE, BEYOND = "saturated", "not finite", "beyond any sensor"
 ZEROS, STUCK, CLIPPED, SPIKE = "zeros", "stuck", "clipped", "spike"
 STUCK_AXIS = "stuck axis"
+STRAIGHT = "straight"
 NO_UNIT = "quaternion not of unit length"
 EXCLUDED = "excluded: "
 """Before the reason that a person gives."""
@@ -169,6 +172,7 @@ class Gates:
         self._runs = self._longest_runs() if traits.has_noise else {}
         self._axis_runs = self._longest_axis_runs() if traits.has_noise else {}
         self._clips = {key: self._plateaus(traits.of[key]) for key in self._triads}
+        self._lines = self._longest_lines() if traits.has_noise else {}
 
     def _longest_runs(self) -> dict[str, int]:
         """Longest honest run of repetitions of the triads whose noise shows [rows]."""
@@ -179,6 +183,14 @@ class Gates:
             if repeats < MOST_REPEATED:
                 found[key] = own.longest_run(repeats)
         return found
+
+    def _longest_lines(self) -> dict[str, int]:
+        """Longest honest run of readings on a line of the triads whose noise shows [rows]."""
+        return {
+            key: self._traits.of[key].longest_line
+            for key in (self._triads if STRAIGHT not in self._belief.keep else ())
+            if self._traits.of[key].line_chance < MOST_STRAIGHT
+        }
 
     def _longest_axis_runs(self) -> dict[tuple[str, int], int]:
         """Longest honest run of repetitions of the axes whose noise shows [rows]."""
@@ -211,7 +223,8 @@ class Gates:
     @property
     def margin(self) -> int:
         """Neighbouring rows that matter on each side."""
-        runs = [run + 1 for run in (*self._runs.values(), *self._axis_runs.values())]
+        kinds = (self._runs, self._axis_runs, self._lines)
+        runs = [run + 1 for kind in kinds for run in kind.values()]
         holes = [self._longest_hole(key) + 1 for key in self._present]
         return min(max([int(NEARBY.max()) + 2, *runs, *holes]), LONGEST_RUN)
 
@@ -236,6 +249,8 @@ class Gates:
                 return True
             if own.repeated.longest > self._runs.get(key, LONGEST_RUN):
                 return True
+            if own.straight.longest > self._lines.get(key, LONGEST_RUN):
+                return True
         return any(
             self._traits.of[key].axis_run[axis] >= longest
             for (key, axis), longest in self._axis_runs.items()
@@ -249,6 +264,17 @@ class Gates:
                 if runs.period > 1:
                     found[key] = runs.rows / max(runs.rows - runs.old, 1)
         return found
+
+    def resampled(self) -> dict[str, float]:
+        """Triads of which all but one of several readings lie on straight lines, and of how many
+        [rows].
+        """
+        runs = {key: self._traits.of[key].straight for key in self._lines}
+        return {
+            key: own.rows / max(own.rows - own.old, 1)
+            for key, own in runs.items()
+            if own.period > 1
+        }
 
     def doubt(self, samples: ImuSamples) -> Doubts:
         """What is doubtful; see `margin`.
@@ -266,6 +292,7 @@ class Gates:
         self._marked(doubts, samples)
         self._zeros(doubts, samples)
         self._repeated(doubts, samples)
+        self._straight(doubts, samples)
         self._axes(doubts, samples)
         for key in self._triads:
             self._spikes(doubts, key, getattr(samples, key))
@@ -352,10 +379,7 @@ class Gates:
 
     def _axes(self, doubts: Doubts, samples: ImuSamples) -> None:
         """Rows in which one axis repeats for longer than its noise can, and others go on."""
-        kinds = (ZEROS, STUCK, CLIPPED, SATURATED, BEYOND)
-        told = np.zeros(len(samples), dtype=bool)
-        for kind in kinds:
-            told |= doubts.flags.get(kind, False)
+        told = _any_of(doubts, (ZEROS, STUCK, CLIPPED, SATURATED, BEYOND, STRAIGHT))
         for (key, axis), longest in self._axis_runs.items():
             array, traits = getattr(samples, key), self._traits.of[key]
             column = array[:, axis]
@@ -370,6 +394,33 @@ class Gates:
                     continue
                 if (np.ptp(array[own], axis=0) > MOVES * traits.quantum).any():
                     doubts.add(STUCK_AXIS, np.arange(begin, begin + length), key)
+
+    def _straight(self, doubts: Doubts, samples: ImuSamples) -> None:
+        """Rows on straight lines for longer than noise can, and what of other triads is, too, as
+        long as these rows last.
+        """
+        # what stands still in one axis, at the end of a range, leaves too little to noise
+        told = _any_of(doubts, (ZEROS, STUCK, CLIPPED, SATURATED, BEYOND))
+        found = {}
+        for key, longest in self._lines.items():
+            rows = straight_rows(getattr(samples, key), self._traits.of[key].line_tolerance)
+            found[key] = _in_runs_over(rows[~told[rows]], longest)
+        every = np.unique(np.concatenate([*found.values(), np.zeros(0, dtype=np.int64)]))
+        if not len(every):
+            return
+        for key in self._triads:
+            rows = found.get(key, every[:0])
+            others = np.setdiff1d(every, rows, assume_unique=True)
+            if len(others):
+                own = self._traits.of[key]
+                on = straight_rows(getattr(samples, key), own.line_tolerance)
+                whole = np.isin(others, on, assume_unique=True)
+                lengths = lengths_of(others)
+                first = np.cumsum(lengths) - lengths
+                together = np.logical_and.reduceat(whole, first)
+                rows = np.union1d(rows, others[np.repeat(together, lengths)])
+            if len(rows):
+                doubts.add(STRAIGHT, rows, key)
 
     @staticmethod
     def _is_plateau(own: QuantityTraits, axis: int, value: float) -> bool:
@@ -518,6 +569,14 @@ def _fillers(array: np.ndarray, rows: np.ndarray) -> np.ndarray:
         [np.arange(a, a + n + 1) for a, n in zip(first[odd], lengths[odd], strict=True)]
         or [np.zeros(0, dtype=np.int64)]
     )
+
+
+def _any_of(doubts: Doubts, reasons: Sequence[str]) -> np.ndarray:
+    """Samples that are doubted for any of some reasons, shape (n,), bool."""
+    found = np.zeros(len(doubts.unknown), dtype=bool)
+    for reason in reasons:
+        found |= doubts.flags.get(reason, False)
+    return found
 
 
 def _clear(flags: dict[str, np.ndarray], reason: str, rows: np.ndarray) -> None:

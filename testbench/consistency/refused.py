@@ -11,6 +11,7 @@ from testbench.consistency.doubtful import (
     CLIPPED,
     EXCLUDED,
     SPIKE,
+    STRAIGHT,
     STUCK,
     STUCK_AXIS,
     ZEROS,
@@ -30,6 +31,7 @@ CODES = {
     STUCK_AXIS: "samples.stuck_axis",
     CLIPPED: "samples.clipped",
     SPIKE: "samples.spike",
+    STRAIGHT: "samples.straight",
     BEYOND: "samples.beyond",
 }
 """Findings of the reasons that a person may know better than."""
@@ -102,6 +104,8 @@ class Tally:
             found.append(finding(code, quantity=WORDS[key], axes=axes))
         for key, rows in self._gates.slower().items():
             found.append(finding("samples.slower", quantity=WORDS[key], rows=rows))
+        for key, rows in self._gates.resampled().items():
+            found.append(finding("samples.resampled", quantity=WORDS[key], rows=rows))
         return found
 
 

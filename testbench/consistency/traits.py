@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from testbench.consistency.straight import chance_of, straight_rows, tolerance_of
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.session.samples import ImuSamples
 
@@ -45,6 +46,12 @@ RARE = 1e-3
 """Runs of repetitions that noise alone gives in a recording are to be rarer than this."""
 SHORTEST_RUN = 5
 """This many identical readings in a row, at least, are stuck."""
+SHORTEST_LINE = 4
+"""This many readings in a row, at least, on a straight line were put in for lost ones; fewer are as
+good as what a filter would put there.
+"""
+MOST_STRAIGHT = 0.3
+"""A triad whose noise sets more of its readings on lines by itself is too coarse to be asked."""
 LONGEST_RUN = 4096
 NO_ROWS = np.zeros(0, dtype=int)
 SELDOM = 0.3
@@ -125,6 +132,7 @@ class QuantityTraits:
         key: Which it is, of `QUANTITIES`.
         repeated: Runs of identical readings.
         missing: Runs of rows without a reading.
+        straight: Runs of readings on a straight line between others.
         zero: Rows that read exactly 0 in every axis.
         beyond: Rows beyond what any sensor reads.
         low: Smallest reading of each axis, shape (k,).
@@ -137,6 +145,7 @@ class QuantityTraits:
     key: str
     repeated: RunLengths = field(default_factory=RunLengths)
     missing: RunLengths = field(default_factory=RunLengths)
+    straight: RunLengths = field(default_factory=RunLengths)
     zero: int = 0
     beyond: int = 0
     low: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
@@ -181,6 +190,7 @@ class QuantityTraits:
             low, high = _ends(known)
         self._extremes(known, low, high, held if known is array else None)
         self._blocks(known, self.repeated.period)
+        self._lines(known)
 
     def _extremes(
         self, array: np.ndarray, low: np.ndarray, high: np.ndarray, first: np.ndarray | None
@@ -248,6 +258,13 @@ class QuantityTraits:
         if sum(map(len, self._noise)) > MOST_BLOCKS:
             self._noise = [np.concatenate(self._noise)[::2]]
 
+    def _lines(self, known: np.ndarray) -> None:
+        """Readings on straight lines, once noise shows that does not lie on them by itself."""
+        noise = self.noise
+        if chance_of(noise, self._quantum) < MOST_STRAIGHT:
+            rows = straight_rows(known, tolerance_of(noise, self._quantum))
+            self.straight.add(rows, len(known))
+
     @property
     def present(self) -> bool:
         """Whether there is any reading."""
@@ -281,19 +298,42 @@ class QuantityTraits:
         Two readings of normal noise of standard deviation s round to the same multiple of q with
         a probability of about q / (2 s sqrt(pi)).
         """
-        self._measure()
         found = np.ones(len(self.low))
+        noise = self.noise
+        seen = (noise > 0) & np.isfinite(self._quantum)
+        found[seen] = self._quantum[seen] / (2 * noise[seen] * np.sqrt(np.pi))
+        return np.asarray(np.minimum(found, 1.0))
+
+    @property
+    def noise(self) -> np.ndarray:
+        """Standard deviation of each axis where it is quiet, shape (k,); 0 where none is seen."""
+        self._measure()
+        found = np.zeros(len(self.low))
         if not self._noise:
             return found
         noise = np.concatenate(self._noise)
         seen = np.isfinite(noise)
         for axis in range(noise.shape[1]):
             own = noise[seen[:, axis], axis]
-            quiet = float(np.quantile(own, 0.25)) if len(own) else 0.0
-            quantum = float(self._quantum[axis])
-            if quiet > 0 and np.isfinite(quantum):
-                found[axis] = min(1.0, quantum / (2 * quiet * np.sqrt(np.pi)))
+            found[axis] = float(np.quantile(own, 0.25)) if len(own) else 0.0
         return found
+
+    @property
+    def line_tolerance(self) -> np.ndarray:
+        """Largest second difference of each axis on a straight line, shape (k,)."""
+        return tolerance_of(self.noise, self._quantum)
+
+    @property
+    def line_chance(self) -> float:
+        """How probably its noise sets a reading on a straight line in all axes."""
+        return chance_of(self.noise, self._quantum)
+
+    @property
+    def longest_line(self) -> int:
+        """Readings in a row on a line that noise, or a lower rate, may give [rows]."""
+        by_noise = np.log(max(self.count, 2) / RARE) / -np.log(max(self.line_chance, 1e-12))
+        lower = 3 * self.straight.period if self.straight.period > 1 else 0
+        return max(SHORTEST_LINE - 1, lower, int(np.ceil(by_noise)))
 
     @property
     def quantum(self) -> np.ndarray:

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from testbench.consistency.looked import Up
+from testbench.estimation.alignment.after_gaps import OtherStretches, restart_findings
 from testbench.estimation.alignment.apart import PieceAlignment, aligned_apart, long_enough
 from testbench.estimation.alignment.axes import findings_on as axes_findings
 from testbench.estimation.alignment.axes import identify_axes
@@ -21,6 +22,7 @@ from testbench.estimation.calibration.stored_calibration import corrector
 from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.joints.body import Read
 from testbench.estimation.signals.access import Correct, SampleAccess
+from testbench.estimation.signals.quality import AFTER_GAP
 from testbench.estimation.signals.recording import RunFacts, SensorRecording
 from testbench.estimation.signals.segmentation import detect_static, detect_static_by_force
 from testbench.model import rotation
@@ -59,6 +61,7 @@ class PreparedSensor:
         uniform: The kept samples on a regular grid.
         correct: Calibration of what the filters get.
         estimate: Without any filter.
+        others: Stretches beyond gaps over which its orientation was lost.
     """
 
     described: SensorRecord
@@ -68,6 +71,7 @@ class PreparedSensor:
     uniform: UniformSamples
     correct: Correct
     estimate: SensorEstimate
+    others: OtherStretches
     apart: list[PieceAlignment] = field(default_factory=list)
 
     @property
@@ -90,6 +94,7 @@ class PreparedSensor:
             self,
             motion=replace(self.motion, unaligned=why.code),
             alignment=replace(self.alignment, truth=None),
+            others=replace(self.others, truth=None),
             apart=[],
             estimate=replace(self.estimate, unaligned=why.code, axes={}, findings=findings),
         )
@@ -124,7 +129,8 @@ class PreparedSensor:
             skipped=skipped,
             findings=findings,
         )
-        return aligned_apart(found, self.apart, in_pieces)
+        found = aligned_apart(found, self.apart, in_pieces)
+        return self.others.aligned(found, running, self.uniform)
 
     def _able(
         self, filters: Sequence[OrientationFilter]
@@ -170,11 +176,15 @@ def prepare_sensor(
     resting = _resting(uniform, rows[measured])
     static = resting[rows] & measured
     gates = access.quality(static)
+    sound = ~gates.with_flags(motion.lost).flagged
+    others = OtherStretches.of(run, access.stretch, time, sound, truth)
+    gates = gates.without_rows(AFTER_GAP, others.elsewhere & sound, access.every)
     quality = gates.with_flags(motion.lost)
     quiet = static & ~quality.flagged
     by_truth = truth is not None or description.driver != "imported"
     up = Up(description.hemisphere, by_truth=by_truth)
     findings = [*findings, *access.contradictions(up), *quality.findings, *motion.findings]
+    findings += restart_findings(access)
     calibration = CalibrationFit()
     if settings.calibrate == "static_poses" and truth is not None:
         calibration, told = fit_sections(run, samples, time, quiet, truth)
@@ -209,7 +219,15 @@ def prepare_sensor(
             piece = FilterAlignment(run, own.truth, time, sound, up_stated)
             pieces.append(PieceAlignment(piece.prepared(correct, uniform, rows, static), sound))
     return PreparedSensor(
-        description, access, motion, alignment, uniform, correct, estimate, long_enough(pieces)
+        description,
+        access,
+        motion,
+        alignment,
+        uniform,
+        correct,
+        estimate,
+        others,
+        long_enough(pieces),
     )
 
 

@@ -295,7 +295,7 @@ def _orientation_tables(
         name in {joint.proximal, joint.distal} for joint in defined
     ):  # else its joint tells
         known = np.isfinite(errors.q_true[:, 0])
-        found = left_out(name, steps, sensor.host_time_ns, sensor.static, known, ~sensor.flagged)
+        found = left_out(name, steps, sensor.host_time_ns, sensor.static, known, ~sensor.left_out)
     lost = lost_truth(errors, truth)
     if steps is None and lost:
         count, samples_within = lost

@@ -201,6 +201,8 @@ def import_recording(
         head = sensor.head()
         if head is None or not len(head):
             raise FileProblems(files[0], [Problem(f"sensor '{key}' has no samples")])
+        if options.hemisphere is not None:
+            sensor.details["hemisphere"] = options.hemisphere
     if options.axes is not None:
         remap_axes(recording, find_axes(options.axes), options.axes)
     _with_body(recording, body)

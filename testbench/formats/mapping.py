@@ -161,8 +161,25 @@ FULL_SCALE = Field(
 )
 
 
+class SaidBeside(StrictModel):
+    """What a file beside the samples says of the phone or board: a table whose first row counts."""
+
+    file: Patterns = Field(description="Which file, as a pattern.")
+    where: dict[str, list[str]] = Field(
+        min_length=1,
+        max_length=10,
+        description="Texts by column, upper or lower case; each column must hold one of its own.",
+    )
+
+
 class AccColumns(VectorColumns):
     """Accelerometer: specific force, with gravity."""
+
+    negated_where: SaidBeside | None = Field(
+        default=None,
+        description="Its sign is the opposite of the force's where that file says so; where it is "
+        "not there, that is said.",
+    )
 
     unit: AccUnit | None = Field(
         default=None, description="Left out: told by gravity at rest, or asked for."
@@ -276,6 +293,12 @@ class SensorColumns(StrictModel):
     """One inertial sensor."""
 
     description: str = Field(default="", description="For people.")
+    device: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=100,
+        description="The part itself, such as its serial number: a stored calibration finds it.",
+    )
     file: Patterns | None = Field(
         default=None,
         description="Which of the files it is in, as a pattern: *_wrist.csv; null: any.",

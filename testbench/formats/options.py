@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from testbench.exceptions import InputError, NotFoundError
 from testbench.formats.tables.units import QUANTITIES, Unit, find_unit
@@ -24,6 +25,7 @@ class Options:
         axes: Axis map for every sensor, by name or as "x: -z, y: -y, z: -x".
         recorded_at: When it was recorded, ISO 8601, where the files do not say, or say it wrongly.
         encoding: Of text files; None to go by their first bytes.
+        hemisphere: Where it was recorded, which tells whether the magnetic field points down.
         asked: What an importer has asked for so far.
     """
 
@@ -33,6 +35,7 @@ class Options:
     axes: str | None = None
     recorded_at: str | None = None
     encoding: str | None = None
+    hemisphere: Literal["north", "south"] | None = None
     asked: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:

@@ -17,6 +17,7 @@ from testbench.consistency.looked import Up
 from testbench.consistency.refused import Refusals
 from testbench.exceptions import FileProblems, Problem, SessionError
 from testbench.formats.dates import Recorded
+from testbench.formats.holes import Holes
 from testbench.frames import NANOSECONDS
 from testbench.records.disk.tables import to_arrow, write_parquet_batches
 from testbench.records.findings.finding import Finding, told_once
@@ -173,11 +174,11 @@ def write_recording(
             consistency = Consistency()
             up = Up(sensor.details.get("hemisphere"), by_truth=sensor.truth is not None)
             refusals = Refusals(_belief(recording.analysis, sensor))
-            path = out / table_file(imu_stream(name))
+            path, holes = out / table_file(imu_stream(name)), Holes()
             counts[name], first, last = _write_samples(
-                path, refusals.watch(consistency.watch(sensor.chunks))
+                path, refusals.watch(consistency.watch(holes.watch(sensor.chunks)))
             )
-            own = consistency.findings(up)
+            own = holes.findings() + consistency.findings(up)
             if recording.answered is not None:
                 refuse_contradictions(name, own, recording.answered)
             own += refusals.findings(SensorFile(path))

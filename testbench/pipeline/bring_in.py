@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
@@ -40,7 +40,13 @@ def bring_in(asked: ImportRequest, clock: Clock | None = None) -> Session:
     """
     units = _once("--unit", (_pair("--unit", text) for text in asked.units))
     options = Options(
-        asked.mapping, asked.rate_hz, units, asked.axes, asked.recorded_at, asked.encoding
+        asked.mapping,
+        asked.rate_hz,
+        units,
+        asked.axes,
+        asked.recorded_at,
+        asked.encoding,
+        asked.hemisphere,
     )
     truth = None if asked.truth is None else _truth(asked.truth)
     body = None if asked.body is None else body_of(asked.body)
@@ -50,13 +56,20 @@ def bring_in(asked: ImportRequest, clock: Clock | None = None) -> Session:
     )
 
 
-def guess_mapping(files: Iterable[str], out: str | None = None) -> Guessed:
+def guess_mapping(
+    files: Iterable[str],
+    out: str | None = None,
+    rate_hz: float | None = None,
+    units: Iterable[str] = (),
+) -> Guessed:
     """Look into foreign files, and write a mapping of them to begin with.
 
     Args:
         files: Of one recording.
         out: File for the mapping; None for one called after the first of them, where the process
             works.
+        rate_hz: Sampling rate, where a person states it [Hz].
+        units: Units that a person states, each `WHAT=UNIT`.
 
     Raises:
         InputError: Nothing fits, says what was seen; or the file for the mapping is there already.
@@ -66,13 +79,15 @@ def guess_mapping(files: Iterable[str], out: str | None = None) -> Guessed:
     from testbench.formats.mapped.files import inside
 
     paths = [own for file in files for own in inside(Path(file))]
-    found = guess(paths)
+    stated = _once("--unit", (_pair("--unit", text) for text in units))
+    found = guess(paths, Options(rate=rate_hz, units=stated))
     if found.mapping is None:
-        return Guessed(found.formats, found.shipped, found.seen, None)
+        return Guessed(found.formats, found.shipped, found.seen, None, (), found.answers)
     path = Path(out) if out is not None else Path(default_name(paths))
     with stored_where_asked(path):
         write_text(path, mapping_yaml(found.mapping, found.seen), anew=True)
-    return Guessed(found.formats, found.shipped, found.seen, path, tuple(found.open_options))
+    still = tuple(found.open_options)
+    return Guessed(found.formats, found.shipped, found.seen, path, still, found.answers)
 
 
 @dataclass(frozen=True)
@@ -85,6 +100,8 @@ class Guessed:
         seen: What the mapping rests on.
         mapping: Where that was written; None where no columns were recognised.
         open_options: Options that the import by it asks for.
+        answers: Options, of those that a person gave, that the import by each format or mapping
+            takes, by its name; "" is the mapping that was written.
     """
 
     formats: dict[str, str]
@@ -92,6 +109,7 @@ class Guessed:
     seen: list[str]
     mapping: Path | None
     open_options: tuple[str, ...] = ()
+    answers: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 def _truth(asked: TruthRequest) -> TruthOptions:

@@ -441,6 +441,10 @@ class ImportRequest(Asked):
     encoding: str | None = Field(
         default=None, description="Of text files, such as `cp1252`; by their first bytes if null."
     )
+    hemisphere: Literal["north", "south"] | None = Field(
+        default=None,
+        description="Where it was recorded: with a magnetometer it tells the accelerometer's sign.",
+    )
     truth: TruthRequest | None = Field(
         default=None, description="Where the truth is, if not there."
     )

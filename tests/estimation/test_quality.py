@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from testbench.consistency.doubtful import Belief
+from testbench.consistency.doubtful import Belief, Gates
+from testbench.consistency.traits import Traits
+from testbench.estimation.signals.quality import Inspection
 from testbench.estimation.signals.timing import audit_timing
 from testbench.model.truth import without_jumps
 from testbench.records.session.samples import ImuSamples, Truth
@@ -84,13 +86,19 @@ def test_the_second_after_a_long_gap_is_flagged():
     assert len(flagged) == 101
 
 
-def test_after_a_gap_of_seconds_nothing_counts_any_more():
+def test_after_a_gap_of_seconds_filters_begin_anew_with_the_first_sample():
     samples = recording()
-    keep = np.r_[0:500, 700:N]
-    cut = ImuSamples(
-        *[None if column is None else column[keep] for column in vars(samples).values()]
-    )
-    assert np.flatnonzero(gates(cut).flags["after a gap"]).tolist() == list(range(500, len(keep)))
+    cut = samples.rows(np.r_[0:500, 700:1200, 1290:N])
+    gates = Gates(Traits().add(cut), Belief())
+    for chunks in ([slice(0, None)], [slice(0, 300), slice(300, 500), slice(500, None)]):
+        inspection = Inspection(gates)
+        after = [
+            inspection.flags(cut.rows(own), gates.doubt(cut.rows(own)), slice(None))["after a gap"]
+            for own in chunks
+        ]
+        flagged = np.flatnonzero(np.concatenate(after)).tolist()
+        assert flagged == [*range(500, 601), *range(1000, 1101)]
+        assert inspection.lost == [(499, 500)]  # 0.9 s are bridged
 
 
 def test_a_column_the_file_lacks_is_no_fault():

@@ -5,9 +5,11 @@ uncertainty is honest.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from testbench.estimation.signals.time_alignment import fit_clock
@@ -211,10 +213,55 @@ def test_a_motion_that_repeats_itself_fits_at_several_shifts_unless_one_is_state
     assert (fit.method, fit.refused) == ("arrival", "periodic")
     # the magnitude repeats itself twice in a period
     apart = np.sort(fit.candidates_s)
-    assert len(apart) > 2 and np.diff(apart) % 2 == pytest.approx(0, abs=0.05)
+    assert len(apart) > 2 and (np.diff(apart) + 1) % 2 == pytest.approx(1, abs=0.05)
+    assert min(np.abs(fit.candidates_s)) < 1.0  # those next to the times as they were read
     stated = fit_clock(samples, truth, common_host=False, near=True)
     assert stated.method == "angular_rate"
     assert stated.offset_s == pytest.approx(offset, abs=5e-3)
+
+
+def swing(rng, seconds: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Times and angles of a pendulum that swings freely and dies down, by scipy, and its period."""
+    period, amplitude = rng.uniform(0.9, 2.2), rng.uniform(0.2, 1.2)
+    damping, friction = 2 / rng.uniform(20, 300), rng.choice([0.0, 0.02, 0.1])
+    square = (2 * np.pi / period) ** 2
+
+    def changes(t, y):
+        return y[1], -square * np.sin(y[0]) - damping * y[1] - friction * np.tanh(100 * y[1])
+
+    time = np.arange(0, seconds, 0.005)
+    found = solve_ivp(changes, (0, seconds), (amplitude, 0.0), t_eval=time, max_step=0.1)
+    return time, found.y[0], period
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_pendulum_is_put_right_or_called_periodic(seed):
+    """Both logs begin while it swings: most of its swings fit one another by their shape alone."""
+    rng = np.random.default_rng(seed)
+    time, angle, period = swing(rng, 75.0)
+    rates = np.gradient(angle, time)
+    begins, seconds = rng.uniform(0, 10, 2), 60.0
+
+    def rate(t):
+        return np.interp(t, time, rates)[:, None] * [0.0, 1.0, 0.0]
+
+    samples, truth, _ = logs(rng, rate, tuple(begins), seconds, 5e-5, wrong=0.01)
+    at = np.interp(truth.host_time_ns / 1e9 + begins[1], time, angle) / 2
+    q = np.column_stack([np.cos(at), 0 * at, np.sin(at), 0 * at])
+    q[:, 1:] += np.radians(0.05) / 2 * rng.standard_normal((len(q), 3))
+    late = round(60e9)
+    truth = replace(
+        truth,
+        host_time_ns=truth.host_time_ns + late,
+        q_world_from_sensor=q / np.linalg.norm(q, axis=1)[:, None],
+        rate=None,
+    )
+    fit = fit_clock(samples, truth, common_host=False)
+    found = (fit.to_host(samples.device_time_ns[:1])[0] - late) / 1e9
+    if fit.method == "angular_rate":
+        assert found == pytest.approx(begins[0] - begins[1], abs=0.1 * period)
+    else:
+        assert fit.refused in {"periodic", "no common motion"}
 
 
 @pytest.mark.parametrize("factor", [1e3, 1e-3])

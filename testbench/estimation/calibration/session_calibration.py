@@ -43,6 +43,7 @@ from testbench.estimation.calibration.validation import cross_validate, validate
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS
 from testbench.model.statistics.least_squares import PoorExcitation
+from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.calibration_file import SensorCalibration
@@ -376,24 +377,26 @@ def _gyroscope(
             told.remarks.append(f"gyroscope by {method.name}: {error}")
         else:
             refuse_implausible_scale(found)
-            told.remarks.extend(missed_gravity(found))
+            missed = missed_gravity(found, refused=named is None)
+            told.findings.extend(missed)
+            if missed and named is None:
+                continue
             return found, function
     return None, static_bias
 
 
-def missed_gravity(found: TriadCalibration) -> list[str]:
-    """A remark where the turns do not arrive where gravity says, when they are held out."""
+def missed_gravity(found: TriadCalibration, refused: bool) -> list[Finding]:
+    """A finding where the turns do not arrive where gravity says, when they are held out.
+
+    Args:
+        found: Of a gyroscope.
+        refused: Whether it is not kept then.
+    """
     missed = found.validation.get("gravity_direction_median_deg", 0.0)
     if missed <= MISSED_DEG:
         return []
-    return [
-        (
-            f"gyroscope by {found.method}: the turns that are held out miss the direction of "
-            f"gravity by a median of {missed:.3g} deg, where a good calibration leaves below 1: "
-            "its rates are clipped or of another time than the accelerometer's, its axes are not "
-            "the accelerometer's, or the sensor was moved otherwise between the rests"
-        )
-    ]
+    code = "calibration.missed_refused" if refused else "calibration.missed"
+    return [finding(code, "gyroscope", method=found.method, missed_deg=missed)]
 
 
 def refuse_implausible_scale(found: TriadCalibration) -> None:

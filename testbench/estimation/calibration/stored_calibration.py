@@ -94,6 +94,12 @@ class StoredCalibrations:
             for warned in stored.findings
             if warned.severity == Severity.WARNING
         ]
+        if self.session.manifest.sensors[sensor].driver == "imported" and not (
+            tag and stored.device == tag
+        ):  # a name of a mapping is no name of a part
+            whose = f"device {stored.device}" if stored.device else "no device is named in it"
+            mine = f"the device {tag}" if tag else "none"
+            own.insert(0, finding("calibration.by_name", stored=whose, own=mine))
         return [finding(code, origin=origin, methods=methods, match=same), *own]
 
 

@@ -200,6 +200,12 @@ class OrientationFilter(ABC):
         """
         raise InputError(f"the filter {self.name} needs the whole recording at once")
 
+    def knows_heading(self, samples: UniformSamples) -> bool:
+        """Whether its heading is that of the field or the vendor's, and so no other after it began
+        anew.
+        """
+        return "mag" in self.needs or "device_q" in self.needs
+
     def missing(self, samples: UniformSamples) -> list[str]:
         """What this filter needs and the samples lack."""
         return [need for need in self.needs if not samples.has(need)]

@@ -179,6 +179,10 @@ class VqfOffline(OrientationFilter):
     PARAMETERS = (*PARAMETERS, *MAG_PARAMETERS)
     behaviour = f"Knows the future: not for comparison with what runs live. {REST}"
 
+    def knows_heading(self, samples: UniformSamples) -> bool:
+        """See OrientationFilter."""
+        return samples.has("mag")
+
     def run(self, samples: UniformSamples) -> np.ndarray:
         """See OrientationFilter."""
         if samples.intervals is not None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from testbench.estimation.filters import OrientationFilter, UniformSamples
 from testbench.estimation.filters.base import FilterState, RecursiveFilter
 from testbench.estimation.signals.mean_turning import MeanTurning
 from testbench.estimation.signals.quality import AFTER_GAP, Inspection, Quality, findings_on
+from testbench.estimation.signals.restarts import Carried, Stretches
 from testbench.estimation.signals.timing import (
     STRETCH,
     IntervalAudit,
@@ -87,13 +89,30 @@ class SampleAccess(ABC):
             they tell how the sensor turned in between.
         measured: Whether each has a rate that was measured, shape (n,), bool.
         every: One of how many that is.
+        lost: Samples of the recording between which nobody knows how the sensor turned, the last
+            before and the first after, at which filters begin anew, shape (k, 2).
     """
 
     samples: ImuSamples
     turned: ImuSamples
     measured: np.ndarray
     every: int
+    lost: np.ndarray
     _consistency: Consistency
+    _gates: Gates
+
+    @property
+    def stretch(self) -> np.ndarray:
+        """In which stretch between gaps that no rate bridges each kept sample is, from 0, shape
+        (n,).
+        """
+        kept = self.every * np.arange(1, len(self.samples) + 1) - 1
+        return np.searchsorted(self.lost[:, 1], kept, side="right")
+
+    @property
+    def _holes(self) -> np.ndarray:
+        """`lost`, but for a sensor that does not feel where up is, whose filters go on."""
+        return self.lost if self._gates.measures("acc") else self.lost[:0]
 
     def contradictions(self, up: Up) -> list[Finding]:
         """What the quantities say of one another, as they were read: no stored calibration is in
@@ -147,6 +166,7 @@ class WholeRecording(SampleAccess):
         doubts, inspection = self._gates.doubt(samples), Inspection(self._gates)
         self._flags = inspection.flags(samples, doubts, slice(None))
         self._findings, self._numbers = inspection.findings(), inspection.counts
+        self.lost = np.array(inspection.lost, dtype=np.int64).reshape(-1, 2)
         self.measured, self.every = _measured(self._gates, doubts.unknown), 1
         sound = without(samples, doubts.unknown)
         self._consistency = Consistency()
@@ -180,9 +200,12 @@ class WholeRecording(SampleAccess):
     ) -> Iterator[tuple[str, np.ndarray]]:
         """See SampleAccess."""
         uniform, rows = self.regular(clock)
-        corrected = correct(uniform)
+        whole = stretches = Stretches([(uniform, rows)]).corrected(correct)
+        if len(self._holes):
+            bridges = bridges_of(_interval(self._given), self._gates.slower())
+            stretches = Stretches.cut(self._given, self._holes, clock, bridges).corrected(correct)
         for name, kind in filters.items():
-            yield name, kind.run(corrected)[rows]
+            yield name, (whole if kind.sampling == "memoryless" else stretches).run(kind)
 
 
 class PiecewiseRecording(SampleAccess):
@@ -242,11 +265,12 @@ class PiecewiseRecording(SampleAccess):
                 own_flags[rows[rows < number]] = True
             last = np.arange(self.every - 1 - done % self.every, count, self.every)
             sound = without(piece, doubts.unknown)
-            self._consistency.look(_rows_of(sound, own))
-            turning.add(self._change(_rows_of(sound, own)).gyr)
-            kept.append(_rows_of(sound, own.start + last))
+            self._consistency.look(sound.rows(own))
+            turning.add(self._change(sound.rows(own)).gyr)
+            kept.append(sound.rows(own.start + last))
             done += count
         self._findings, self._numbers = inspection.findings(), inspection.counts
+        self.lost = np.array(inspection.lost, dtype=np.int64).reshape(-1, 2)
         self.samples = self._change(_joined(kept))
         self.turned = replace(self.samples, gyr=turning.rates())
         self.measured = _measured(self._gates, self._unknown[self.every - 1 :: self.every])
@@ -284,6 +308,7 @@ class PiecewiseRecording(SampleAccess):
             )
         return None
 
+    # Longer than a screen: rows of the file, of the grid and of what is kept, piece by piece.
     def orientations(
         self, filters: Mapping[str, OrientationFilter], clock: ClockFit, correct: Correct
     ) -> Iterator[tuple[str, np.ndarray]]:
@@ -293,12 +318,15 @@ class PiecewiseRecording(SampleAccess):
         }
         for name, kind in at_once.items():
             samples = without(self._file.read(), self._unknown, for_filters=True)
-            uniform, rows = fill_gaps(self._change(samples), clock, self._bridges)
-            yield name, kind.run(correct(uniform))[rows[self.every - 1 :: self.every]]
-        filters = {name: kind for name, kind in filters.items() if name not in at_once}
+            samples = self._change(samples)
+            stretches = Stretches.cut(samples, self._holes, clock, self._bridges)
+            yield name, stretches.corrected(correct).run(kind)[self.every - 1 :: self.every]
+        running = {
+            name: _Running(kind, len(self.samples))
+            for name, kind in filters.items()
+            if isinstance(kind, RecursiveFilter)
+        }
         interval = self._span / max(self._grid - 1, 1) / (1 + 1e-6 * clock.drift_ppm)
-        states: dict[str, FilterState | None] = dict.fromkeys(filters)
-        results = {name: np.empty((len(self.samples), 4)) for name in filters}
         done, origin = 0, None
         held: dict[str, np.ndarray] = {}
         for raw, counted in self._pieces():
@@ -318,27 +346,108 @@ class PiecewiseRecording(SampleAccess):
             )
             wanted_rows = row[counted.start + wanted - done]
             ends = counted.start == 0, counted.stop is None
-            for start in range(begin, end, PIECE):
-                stop = min(start + PIECE, end)
-                before = int(start > origin)
+            holes = _in_rows(self._holes, row[counted], done, (begin, end))
+            for start, stop, what in _segments(begin, end, holes):
+                here = (wanted_rows >= start) & (wanted_rows < stop)
+                kept = (wanted[here] + 1) // self.every - 1
+                if what == "hole":
+                    for own in running.values():
+                        own.hold(kept)
+                    continue
+                before = int(start > origin and what == "on")
                 grid = np.arange(start - before, stop)
                 corrected = correct(fill_rows(piece, row, grid, interval, self._bridges, ends))
                 given = corrected if not before else _without_first(corrected)
-                here = (wanted_rows >= start) & (wanted_rows < stop)
-                for name, kind in filters.items():
-                    q, states[name] = kind.advance(given, states[name])
-                    results[name][(wanted[here] + 1) // self.every - 1] = q[
-                        wanted_rows[here] - start
-                    ]
+                for own in running.values():
+                    own.advance(given, what == "anew", kept, wanted_rows[here] - start)
             done += number
-        for name in list(results):
-            yield name, results.pop(name)
+        for name in list(running):
+            yield name, running.pop(name).found
 
     def _pieces(self) -> Iterator[tuple[ImuSamples, slice]]:
         """Pieces with a few neighbours at either end, and which of their samples are the piece
         itself.
         """
         return self._file.pieces(PIECE, self._margin)
+
+
+class _Running:
+    """A filter that goes through a recording chunk by chunk.
+
+    Args:
+        kind: The filter.
+        count: Orientations that are kept.
+
+    Attributes:
+        found: q_earth_from_sensor at the kept samples, shape (n, 4).
+    """
+
+    def __init__(self, kind: RecursiveFilter, count: int):
+        self._kind, self._carried = kind, Carried(kind)
+        self._state: FilterState | None = None
+        self.found = np.empty((count, 4))
+
+    def advance(
+        self, given: UniformSamples, anew: bool, kept: np.ndarray, rows: np.ndarray
+    ) -> None:
+        """Go on by a chunk.
+
+        Args:
+            given: The chunk.
+            anew: Whether the filter begins anew with it.
+            kept: Which of the kept samples are in it, shape (k,).
+            rows: And where, shape (k,).
+        """
+        q, self._state = self._kind.advance(given, None if anew else self._state)
+        self.found[kept] = self._carried(q, given, anew)[rows]
+
+    def hold(self, kept: np.ndarray) -> None:
+        """Keep the last orientation over a hole.
+
+        Args:
+            kept: Which of the kept samples are in it, shape (k,).
+        """
+        self.found[kept] = self._carried.last
+
+
+def _in_rows(
+    holes: np.ndarray, row: np.ndarray, done: int, ends: tuple[int, int]
+) -> list[tuple[int, int, bool]]:
+    """The holes that reach into a piece, in rows of the grid: the first, the one after the last,
+    and whether it ends there.
+
+    Args:
+        holes: Samples before and after each, shape (k, 2).
+        row: Of the samples of the piece, shape (n,).
+        done: Samples before it.
+        ends: First row of the piece, and the one after its last.
+    """
+    found = []
+    for last, first in holes[(holes[:, 1] >= done) & (holes[:, 0] < done + len(row))].tolist():
+        closes = first < done + len(row)
+        begin = int(row[last - done]) + 1 if last >= done else ends[0]
+        found.append((begin, int(row[first - done]) if closes else ends[1], closes))
+    return found
+
+
+def _segments(
+    begin: int, end: int, holes: list[tuple[int, int, bool]]
+) -> Iterator[tuple[int, int, Literal["on", "anew", "hole"]]]:
+    """Rows in parts that fit in memory: first, one after the last, and what filters do there.
+
+    Args:
+        begin: First row.
+        end: One after the last.
+        holes: As `_in_rows` gives them.
+    """
+    what: Literal["on", "anew"] = "on"
+    for first, after, closes in [*holes, (end, end, False)]:
+        for start in range(begin, first, PIECE):
+            yield start, min(start + PIECE, first), what
+            what = "on"
+        if first < after:
+            yield first, after, "hole"
+        begin, what = after, "anew" if closes else "on"
 
 
 def _measured(gates: Gates, unknown: np.ndarray) -> np.ndarray:
@@ -356,11 +465,6 @@ def _measured(gates: Gates, unknown: np.ndarray) -> np.ndarray:
 def _interval(samples: ImuSamples) -> float:
     """The usual interval between samples [s]; 0 where there is none."""
     return float(np.nan_to_num(usual_interval(np.diff(samples.device_time_ns))))
-
-
-def _rows_of(samples: ImuSamples, rows: np.ndarray | slice) -> ImuSamples:
-    columns = {key: column for key, column in vars(samples).items() if column is not None}
-    return ImuSamples.from_groups({key: column[rows] for key, column in columns.items()})
 
 
 def _joined(parts: list[ImuSamples]) -> ImuSamples:

@@ -37,8 +37,27 @@ overlap as far as they can [1].
 """
 LEAST_VARIANCE = 0.02
 """Part of the variance of a whole record that must lie in an overlap [1]."""
-MOST_NAMED = 4
-"""Rival shifts that are named."""
+MOST_RIVALS = 30
+"""Rival shifts that are looked at, the likeliest ones: those of a motion that repeats itself."""
+COARSE = 0.05
+"""Part of the variance that the grid of shifts and drifts leaves unexplained of a motion that
+swings once a second; rivals that part by less are fitted before one is believed [1].
+"""
+MOST_COARSE = 40.0
+"""As many values count as independent meanwhile, for what the grid leaves is the same all along."""
+
+
+@dataclass(frozen=True)
+class Shift:
+    """A shift at which two records fit.
+
+    Attributes:
+        lag_s: Time of the sensor less that of the truth, at the sensor's first sample [s].
+        drift: Of the sensor's clock against the truth's [1].
+    """
+
+    lag_s: float
+    drift: float
 
 
 @dataclass(frozen=True)
@@ -46,17 +65,45 @@ class CommonMotion:
     """Where a sensor's record fits the truth's.
 
     Attributes:
-        lag_s: Time of the sensor less that of the truth, at the sensor's first sample [s].
-        drift: Of the sensor's clock against the truth's [1].
-        correlation: Of the rates there [1].
-        candidates_s: All shifts that fit alike, the best first [s]; more than one where the motion
-            repeats itself; none where no shift fits.
+        correlation: Of the rates where they fit best [1].
+        independent: Values there that are independent of one another [1].
+        shifts: All at which they fit alike, the best first; more than one where the motion repeats
+            itself; none where nothing fits.
     """
 
-    lag_s: float = 0.0
-    drift: float = 0.0
     correlation: float = 0.0
-    candidates_s: list[float] = field(default_factory=list)
+    independent: float = 0.0
+    shifts: list[Shift] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class _Peaks:
+    """Largest correlations of two records among neighbouring shifts.
+
+    Attributes:
+        lag: Bins of the sensor along the truth, with fractions, shape (k,).
+        drift: At which they were found, shape (k,) [1].
+        r: The correlations, shape (k,).
+        independent: Values in the overlap that are independent of one another, shape (k,).
+    """
+
+    lag: np.ndarray
+    drift: np.ndarray
+    r: np.ndarray
+    independent: np.ndarray
+
+    @staticmethod
+    def of(lags: np.ndarray, r: np.ndarray, independent: np.ndarray, drift: float) -> _Peaks:
+        """Those of correlations at one drift; each is the vertex of a parabola through three."""
+        at = np.flatnonzero((r[1:-1] >= r[:-2]) & (r[1:-1] > r[2:]) & (r[1:-1] > 0)) + 1
+        left, top, right = r[at - 1], r[at], r[at + 1]
+        off = 0.5 * (left - right) / np.minimum(left - 2 * top + right, -1e-30)
+        vertex = np.minimum(top - 0.25 * (left - right) * off, 0.99999)
+        return _Peaks(lags[at] + off, np.full(len(at), drift), vertex, independent[at])
+
+    def some(self, rows: np.ndarray) -> _Peaks:
+        """Some of them."""
+        return _Peaks(self.lag[rows], self.drift[rows], self.r[rows], self.independent[rows])
 
 
 @dataclass(frozen=True)
@@ -73,7 +120,7 @@ class _Binned:
 
 
 def find_common_motion(measured: RateMagnitude, true: RateMagnitude) -> CommonMotion:
-    """Look for the shift and drift at which a sensor's rates fit the truth's.
+    """Look for the shifts and drifts at which a sensor's rates fit the truth's.
 
     Args:
         measured: By the sensor, on its own clock.
@@ -85,25 +132,28 @@ def find_common_motion(measured: RateMagnitude, true: RateMagnitude) -> CommonMo
     memory = _memory(reference, grid)
     steps = min(int(np.ceil(MOST_DRIFT * min(spans) / 2 / SMEAR_S)), MOST_DRIFTS // 2)
     drifts = np.arange(-steps, steps + 1) * min(2 * SMEAR_S / max(min(spans), 1.0), MOST_DRIFT)
-    found: tuple[float, float, np.ndarray, np.ndarray, np.ndarray] | None = None
+    peaks: list[_Peaks] = []
+    best, lobe = _Peaks(*np.zeros((4, 0))), 0.0
+    likeliest = 0.0
     for drift in sorted(drifts, key=abs):
         lags, r, overlap = _correlations(_binned(measured, grid, drift), reference)
-        evidence = _evidence(r, overlap * grid / memory)
-        best = float(evidence.max(initial=0.0))
-        if found is None or best > found[0] + 0.5:
-            found = best, float(drift), lags, r, overlap
-    assert found is not None
-    best, drift, lags, r, overlap = found
-    evidence = _evidence(r, overlap * grid / memory)
-    peak = int(np.argmax(evidence))
+        own = _Peaks.of(lags, r, overlap * grid / memory, float(drift))
+        peaks.append(own)
+        evidence = _evidence(own.r, own.independent)
+        if len(evidence) and (not len(best.r) or evidence.max() > likeliest + 0.5):
+            row = int(np.argmax(evidence))
+            likeliest, best = float(evidence[row]), own.some(np.array([row]))
+            lobe = _lobe(r, int(np.argmin(np.abs(lags - best.lag[0]))))
     independent = max(float(sum(spans)) / memory, 2.0)
-    if r[peak] < LEAST_CORRELATION or best < np.log(independent) + LEAST_EVIDENCE:
-        return CommonMotion(correlation=float(r[peak]))
-    rivals = _rivals(r, overlap * grid / memory, peak, max(int(memory / grid), 1))
+    if not len(best.r) or best.r[0] < LEAST_CORRELATION:
+        return CommonMotion(float(best.r[0]) if len(best.r) else 0.0)
+    if likeliest < np.log(independent) + LEAST_EVIDENCE:
+        return CommonMotion(float(best.r[0]))
+    found = [best, *_rivals(peaks, best, lobe, spans[0] / grid)]
     # a bin's place on the truth's grid less its place on the sensor's
     begin = float(true.time[0]) - float(measured.time[0])
-    candidates = [-(begin + float(lags[i]) * grid) for i in [peak, *rivals][:MOST_NAMED]]
-    return CommonMotion(candidates[0], drift, float(r[peak]), candidates)
+    shifts = [Shift(-(begin + float(own.lag[0]) * grid), float(own.drift[0])) for own in found]
+    return CommonMotion(float(best.r[0]), float(best.independent[0]), shifts)
 
 
 def _binned(rate: RateMagnitude, grid: float, drift: float) -> _Binned:
@@ -172,19 +222,53 @@ def _evidence(r: np.ndarray, independent: np.ndarray) -> np.ndarray:
     return np.asarray(-0.5 * np.maximum(independent - 2, 0.0) * np.log1p(-squared))
 
 
-def _rivals(r: np.ndarray, independent: np.ndarray, peak: int, width: int) -> list[int]:
-    """Other peaks that fit nearly as well over a comparable overlap, the nearest first."""
-    unexplained = 1 - np.where(r > 0, r, 0.0) ** 2
-    shorter = np.minimum(independent, independent[peak])
-    worse = 0.5 * shorter * np.log(unexplained / unexplained[peak])
-    open_to = (worse < DECISIVE) & (independent > COMPARABLE * independent[peak])
-    # The best one's own slope is no rival.
-    left = peak - int(np.argmax(np.append(~open_to[peak::-1], True)))
-    right = peak + int(np.argmax(np.append(~open_to[peak:], True)))
-    open_to[max(left - width, 0) : right + width + 1] = False
-    found = []
-    while open_to.any():
-        best = int(np.argmin(np.where(open_to, worse, np.inf)))
-        found.append(best)
-        open_to[max(best - 2 * width, 0) : best + 2 * width + 1] = False
-    return sorted(found, key=lambda i: abs(i - peak))
+def _lobe(r: np.ndarray, peak: int) -> float:
+    """Bins from a peak to the valley beside it, on the farther side."""
+    rises_right = np.flatnonzero(np.diff(r[peak:]) > 0)
+    rises_left = np.flatnonzero(np.diff(r[peak::-1]) > 0)
+    sides = [int(rises[0]) if len(rises) else len(r) for rises in (rises_left, rises_right)]
+    return float(max(sides))
+
+
+def worse_by(unexplained: np.ndarray, least: float, independent: np.ndarray) -> np.ndarray:
+    """By how much the log of the likelihood is less, of fits that leave more unexplained, shape
+    (k,).
+
+    Args:
+        unexplained: Parts of the variance, shape (k,).
+        least: That of the best one.
+        independent: Values that are independent of one another, shape (k,).
+    """
+    return np.asarray(0.5 * independent * np.log(unexplained / least))
+
+
+def _rivals(peaks: list[_Peaks], best: _Peaks, lobe: float, length: float) -> list[_Peaks]:
+    """Other peaks that may fit as well over a comparable overlap, at whatever drift, the likeliest
+    ones, ordered by their distance.
+
+    Args:
+        peaks: At each drift.
+        best: The one that fits best.
+        lobe: Half its width [bins].
+        length: Of the sensor's record [bins].
+    """
+    every = _Peaks(
+        *(
+            np.concatenate([getattr(own, name) for own in peaks])
+            for name in ("lag", "drift", "r", "independent")
+        )
+    )
+    # the same alignment has other lags at other drifts, but not in the middle
+    middle = every.lag - every.drift * length / 2 - (best.lag[0] - best.drift[0] * length / 2)
+    shorter = np.minimum(every.independent, min(float(best.independent[0]), MOST_COARSE))
+    least = 1 - float(best.r[0]) ** 2 + COARSE
+    worse = worse_by(1 - every.r**2 + COARSE, least, shorter)
+    is_open = (worse < DECISIVE) & (every.independent > COMPARABLE * best.independent[0])
+    is_open &= np.abs(middle) > lobe
+    found: list[int] = []
+    while is_open.any() and len(found) < MOST_RIVALS:
+        likeliest = int(np.argmin(np.where(is_open, worse, np.inf)))
+        found.append(likeliest)
+        is_open &= np.abs(middle - middle[likeliest]) > lobe
+    found.sort(key=lambda i: abs(float(middle[i])))
+    return [every.some(np.array([i])) for i in found]

@@ -28,7 +28,7 @@ LONG_GAP_S = 0.25
 """After a gap this long a filter has lost its way for `RECOVERY_S`."""
 RECOVERY_S = 1.0
 LOST_GAP_S = 1.0
-"""After a gap this long a heading without a magnetometer is lost for good."""
+"""After a gap this long nobody knows how the sensor turned meanwhile, and filters begin anew."""
 REST_TOLERANCE = 0.05
 """Part of g by which the mean norm of the force at rest may differ before it is remarked on."""
 FIELD_TOLERANCE = 0.2
@@ -54,6 +54,19 @@ class Quality:
         """Samples that any gate refuses, shape (n,), bool."""
         return np.logical_or.reduce(list(self.flags.values()))
 
+    def without_rows(self, reason: str, rows: np.ndarray, each: int) -> Quality:
+        """The same with further samples refused for a reason that there is.
+
+        Args:
+            reason: That they are refused for.
+            rows: Those samples, shape (n,), bool.
+            each: Samples of the recording that each stands for.
+        """
+        flags = self.flags[reason] | rows
+        added = each * int(flags.sum() - self.flags[reason].sum())
+        numbers = self.numbers | {reason: self.numbers[reason] + added}
+        return Quality(self.flags | {reason: flags}, self.findings, numbers)
+
     def with_flags(self, further: dict[str, np.ndarray]) -> Quality:
         """The same with further samples refused.
 
@@ -65,19 +78,20 @@ class Quality:
 
 
 class AfterGaps:
-    """Flags the samples after a gap until a filter has settled again; goes on from call to call.
-
-    Args:
-        loses_heading: Whether a heading without a magnetometer is lost over a long one.
+    """Flags the samples after a gap until a filter has settled again, and finds where filters begin
+    anew; goes on from call to call.
     """
 
-    def __init__(self, loses_heading: bool = True) -> None:
-        self._loses_heading = loses_heading
+    def __init__(self) -> None:
         self._last: int | None = None
         self._until = np.iinfo(np.int64).min
+        self._row = self._done = 0
 
-    def __call__(self, time_ns: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
-        """Flags of the next samples, shape (n,), bool.
+    def __call__(
+        self, time_ns: np.ndarray, known: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Flags of the next samples, shape (n,), bool, and between which the orientation was lost,
+        shape (k, 2): the last before and the first after, counted from the first of the recording.
 
         Args:
             time_ns: Their times, shape (n,) [ns].
@@ -88,17 +102,18 @@ class AfterGaps:
         time = time_ns[rows]
         gaps = np.diff(time, prepend=time[:1] if self._last is None else self._last)
         until = np.full(len(time_ns), self._until)
-        for i in np.flatnonzero(gaps > LONG_GAP_S * NANOSECONDS):
-            lost = self._loses_heading and gaps[i] > LOST_GAP_S * NANOSECONDS
-            until[rows[i]] = (
-                np.iinfo(np.int64).max if lost else time[i] + round(RECOVERY_S * NANOSECONDS)
-            )
+        long = gaps > LONG_GAP_S * NANOSECONDS
+        until[rows[long]] = time[long] + round(RECOVERY_S * NANOSECONDS)
         np.maximum.accumulate(until, out=until)
+        rows = rows + self._done
+        before = np.concatenate([[self._row], rows])[:-1]
+        lost = gaps > LOST_GAP_S * NANOSECONDS
+        self._done += len(time_ns)
         if len(time):
-            self._last = int(time[-1])
+            self._last, self._row = int(time[-1]), int(rows[-1])
         if len(until):
             self._until = int(until[-1])
-        return np.asarray(time_ns <= until)
+        return np.asarray(time_ns <= until), np.column_stack([before, rows])[lost]
 
 
 class Inspection:
@@ -106,11 +121,15 @@ class Inspection:
 
     Args:
         gates: Of the whole recording.
+
+    Attributes:
+        lost: Rows between which the orientation was lost, last before and first after.
     """
 
     def __init__(self, gates: Gates):
         self._gates = gates
-        self._after = AfterGaps(), AfterGaps(loses_heading=False)
+        self._after = AfterGaps(), AfterGaps()
+        self.lost: list[tuple[int, int]] = []
         always = [SATURATED, NOT_FINITE, STUCK, AFTER_GAP]
         always += [NO_UNIT] if gates.measures("device_q") else []
         self._tally = Tally(gates)
@@ -131,7 +150,10 @@ class Inspection:
         for (key, marks), tell in zip(kinds, self._after, strict=True):
             if self._gates.measures(key) or key == "gyr":
                 known = (unknown & marks) == 0 if self._gates.measures(key) else None
-                after |= tell(time, known)
+                settling, lost = tell(time, known)
+                after |= settling
+                if key == "gyr":
+                    self.lost += [(int(last), int(first)) for last, first in lost]
         flags[AFTER_GAP] = after
         self._tally.add(flags, samples.host_time_ns[own], doubts.quantities)
         return flags

@@ -100,6 +100,7 @@ class RunFacts:
         body: That carries the sensors of an import.
         true: Sensors whose truth is known.
         true_angles: Of joints whose angles another system gave, by name.
+        has_joints: Whether sensors are put together to joints.
     """
 
     settings: Estimation
@@ -110,6 +111,7 @@ class RunFacts:
     body: Body = field(default_factory=Body)
     true: frozenset[str] = frozenset()
     true_angles: Mapping[str, JointTruth] = field(default_factory=dict)
+    has_joints: bool = False
 
     @staticmethod
     def of(session: Session) -> RunFacts:
@@ -127,6 +129,7 @@ class RunFacts:
                 for name in session.analysis.joints
                 if (own := JointTruth.of(session, name)) is not None
             },
+            bool(session.analysis.joints),
         )
 
 

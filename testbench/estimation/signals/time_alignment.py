@@ -14,7 +14,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import stdtrit
 
-from testbench.estimation.signals.common_motion import find_common_motion
+from testbench.estimation.signals.common_motion import (
+    DECISIVE,
+    CommonMotion,
+    Shift,
+    find_common_motion,
+    worse_by,
+)
 from testbench.estimation.signals.rates import RateMagnitude, sensor_rate, truth_rate
 from testbench.frames import NANOSECONDS
 from testbench.model.windows import moving_mean
@@ -45,6 +51,20 @@ LEAST_EXPLAINED = 0.36
 """Part of the variance of the sensor's rates that a fit must explain where nothing else ties the
 clocks together: a correlation of 0.6 [1].
 """
+OWN_ERRORS = 1e-3
+"""Part of the variance of the rates that errors of the sensor take at any shift: two fits that part
+by less explain alike [1].
+"""
+CLEARLY_MORE = 1.3
+"""And a shift is only ruled out if it leaves so many times as much: noise of a truth makes its
+small rates too large, which is no noise of the fit and favours shifts of a decaying motion [1].
+"""
+MOST_OF_RIVALS = 10_000
+"""Rates by which rival shifts are held against one another."""
+MOST_NAMED = 4
+"""Rival shifts that are named."""
+SAME_S = 0.05
+"""Fits that end so near to one another are one [s]."""
 UNIT_FACTORS = (1e-3, 1e3, 1e-6, 1e6, 1e-9)
 """By which times are wrong that were read in another unit than theirs [1]."""
 FURTHEST_SPAN = 20.0
@@ -129,25 +149,61 @@ def fit_anywhere(
     measured = _averaged(measured, true.width)
     found = find_common_motion(measured, true)
     stated = arrival.offset_s - zero
-    # Shifts are named as what is to be added to the truth's times as they were read.
-    shifts = [lag - stated for lag in found.candidates_s]
-    if not shifts:
+    if not found.shifts:
         return replace(arrival, refused="no common motion", correlation=found.correlation)
+    fits = _fitting_alike(measured, true, found)
+    if not fits:
+        return replace(arrival, refused="no common motion", correlation=found.correlation)
+    # Shifts are named as what is to be added to the truth's times as they were read.
+    begin = float(measured.time[0])
+    shifts = [begin - (begin - fit.offset_s) / (1 + 1e-6 * fit.drift_ppm) - stated for fit in fits]
     chosen = 0
     if len(shifts) > 1:
         chosen = int(np.argmin(np.abs(shifts)))
         others = np.delete(shifts, chosen)
         if not near or abs(shifts[chosen]) > np.abs(others - shifts[chosen]).min() / 4:
+            named = sorted(shifts, key=abs)[:MOST_NAMED]
             return replace(
-                arrival, refused="periodic", candidates_s=shifts, correlation=found.correlation
+                arrival, refused="periodic", candidates_s=named, correlation=found.correlation
             )
+    fit = fits[chosen]
+    return replace(fit, offset_s=fit.offset_s + zero, shift_s=shifts[chosen])
+
+
+def _fitting_alike(
+    measured: RateMagnitude, true: RateMagnitude, found: CommonMotion
+) -> list[ClockFit]:
+    """Fits at those shifts of which none explains the rates clearly better, the best first.
+
+    Args:
+        measured: By the sensor.
+        true: On the host's clock.
+        found: Shifts that may fit.
+    """
     begin = float(measured.time[0])
-    offset = begin - (begin - found.candidates_s[chosen]) * (1 + found.drift)
-    fit = _refine(measured.thinned(MOST_POINTS), true, offset, found.drift)
-    if fit is None or fit.correlation**2 < LEAST_EXPLAINED:
-        return replace(arrival, refused="no common motion", correlation=found.correlation)
-    lag = begin - (begin - fit.offset_s) / (1 + 1e-6 * fit.drift_ppm)  # at the first sample
-    return replace(fit, offset_s=fit.offset_s + zero, shift_s=lag - stated)
+    thinned = measured.thinned(MOST_POINTS if len(found.shifts) == 1 else MOST_OF_RIVALS)
+
+    def refined(shift: Shift) -> ClockFit | None:
+        offset = begin - (begin - shift.lag_s) * (1 + shift.drift)
+        return _refine(thinned, true, offset, shift.drift)
+
+    fits = [fit for fit in map(refined, found.shifts) if fit is not None]
+    fits = [fit for fit in fits if (fit.correlation or 0.0) ** 2 >= LEAST_EXPLAINED]
+    fits.sort(key=lambda fit: -(fit.correlation or 0.0))
+    left = np.array([1 - (fit.correlation or 0.0) ** 2 + OWN_ERRORS for fit in fits])
+    alike: list[ClockFit] = []
+    for fit, unexplained in zip(fits, left, strict=True):
+        worse = worse_by(unexplained, float(left[0]), np.asarray(found.independent))
+        more = (unexplained - OWN_ERRORS) / max(float(left[0]) - OWN_ERRORS, 1e-9)
+        apart = [abs(fit.offset_s - own.offset_s) > SAME_S for own in alike]
+        if (worse < DECISIVE or more < CLEARLY_MORE) and all(apart):
+            alike.append(fit)
+    if len(alike) == 1 and len(thinned.time) < len(measured.time):
+        only = alike[0]
+        whole = measured.thinned(MOST_POINTS)
+        fit_of_all = _refine(whole, true, only.offset_s, 1e-6 * only.drift_ppm)
+        return [only if fit_of_all is None else fit_of_all]
+    return alike
 
 
 def _without_jumps(true: RateMagnitude, measured: RateMagnitude) -> RateMagnitude:
@@ -171,7 +227,7 @@ def _unit_factor(measured: RateMagnitude, true: RateMagnitude) -> float | None:
             scaled = RateMagnitude(
                 true.time * factor, true.rate / factor, true.width * factor, true.gap * factor
             )
-            if find_common_motion(_averaged(measured, scaled.width), scaled).candidates_s:
+            if find_common_motion(_averaged(measured, scaled.width), scaled).shifts:
                 return factor
     return None
 

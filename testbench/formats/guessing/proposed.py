@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from testbench.consistency.evidence import Evidence
+from testbench.exceptions import BenchError
 from testbench.formats.guessing.seen import KINDS, Quantity, Seen, look, path_of
 from testbench.formats.guessing.told import (
     Time,
@@ -23,7 +25,30 @@ from testbench.formats.plausibility import no_gravity
 from testbench.formats.raw_counts import UNIT_OF_COUNTS, counts_per_unit
 
 
-def proposed_mapping(files: Sequence[Path], said: list[str]) -> dict[str, Any]:
+@dataclass
+class Said:
+    """What a mapping rests on.
+
+    Attributes:
+        units: As a person states them, by quantity.
+        rate: As a person states it [Hz].
+        sentences: What was seen; is added to.
+    """
+
+    units: dict[str, str] = field(default_factory=dict)
+    rate: float | None = None
+    sentences: list[str] = field(default_factory=list)
+
+    def append(self, sentence: str) -> None:
+        """Add what was seen."""
+        self.sentences.append(sentence)
+
+    def time_of(self, seen: Seen, among: Sequence[str]) -> Time | None:
+        """Where the times of a table stand; see `told.time_of`."""
+        return time_of(seen, among, self.units.get("time"))
+
+
+def proposed_mapping(files: Sequence[Path], said: Said) -> dict[str, Any]:
     """A mapping of the files.
 
     Args:
@@ -33,11 +58,26 @@ def proposed_mapping(files: Sequence[Path], said: list[str]) -> dict[str, Any]:
     Raises:
         BenchError: No quantity of a sensor is recognised.
     """
-    looked = [_looked_into(file) for file in files]
+    looked, beside = _recognised(files, said)
+    truths = _truths(looked)
+    looked = [seen for seen in looked if seen not in truths]
+    result = _of_samples(looked, said)
+    for truth in truths:
+        beside.append(truth.table.file.name)
+        _add_truth(result, truth, said)
+    return result | ({"beside": beside} if beside else {})
+
+
+def _of_samples(looked: Sequence[Seen], said: Said) -> dict[str, Any]:
+    """A mapping of the files that hold samples.
+
+    Raises:
+        BenchError: No quantity of a sensor is recognised.
+    """
     first = looked[0]
     whole = [seen for seen in looked if _is_whole(seen)]
-    if len(files) > 1 and not whole:
-        return _of_one_file_each(looked, said)
+    if len(looked) > 1 and not whole:
+        return _of_one_file_each(list(looked), said)
     if not first.sensors:
         raise first.table.problem(
             "no accelerometer, gyroscope or quaternion is recognised among its columns: "
@@ -49,6 +89,64 @@ def proposed_mapping(files: Sequence[Path], said: list[str]) -> dict[str, Any]:
                 f"has other columns than {first.table.file.name}; guess file by file"
             )
     return _of_one_file(first, said)
+
+
+def _recognised(files: Sequence[Path], said: Said) -> tuple[list[Seen], list[str]]:
+    """The files in which anything of a sensor is recognised, and the names of the others; all of
+    them where it is in none.
+
+    Raises:
+        BenchError: None of them can be read.
+    """
+    looked: list[Seen] = []
+    problems: dict[str, str] = {}
+    first: BenchError | None = None
+    for file in files:
+        try:
+            looked.append(_looked_into(file))
+        except BenchError as error:
+            first = first or error
+            problems[file.name] = "it cannot be read as a table"
+    if not looked:
+        assert first is not None
+        raise first
+    speaking = [seen for seen in looked if seen.sensors]
+    if not speaking:
+        return looked, []
+    silent = "nothing of a sensor is recognised in it"
+    problems |= {seen.table.file.name: silent for seen in looked if not seen.sensors}
+    for name, why in problems.items():
+        said.append(f"{name}: left out, {why}")
+    return speaking, list(problems)
+
+
+def _truths(looked: Sequence[Seen]) -> list[Seen]:
+    """Files of orientations alone, beside one that has accelerometer and gyroscope."""
+    kinds = {id(seen): {kind for of in seen.sensors.values() for kind in of} for seen in looked}
+    if not any({"acc", "gyr"} <= own for own in kinds.values()):
+        return []
+    return [seen for seen in looked if kinds[id(seen)] <= {"quaternion", "truth"}]
+
+
+def _add_truth(mapping: dict[str, Any], seen: Seen, said: Said) -> None:
+    """Give the sensor of a mapping the truth of a file of its own, if there is but one of each."""
+    file, sensors = seen.table.file.name, list(mapping["sensors"].values())
+    time = said.time_of(seen, list(seen.values))
+    found = [own for of in seen.sensors.values() for own in of.values()]
+    if len(sensors) != 1 or len(found) != 1 or time is None or "truth" in sensors[0]:
+        said.append(f"{file}: orientations of which nobody tells whose they are; see --truth")
+        return
+    where: dict[str, Any] = {"columns": found[0].columns}
+    where = {"array": found[0].array} if found[0].array else where
+    where |= orientation_told(seen, found[0], None)
+    text = seen.layout.model_dump(exclude_defaults=True)
+    stamps = {"time": {"column": time.column, "unit": time.unit}}
+    sensors[0]["truth"] = {"file": file, **({"text": text} if text else {}), **where, **stamps}
+    said.append(
+        f"{file}: orientations in {', '.join(map(str, found[0].columns))}, taken for the truth of "
+        "another system; leave them out if they are of the sensor's own filter"
+    )
+    _say_time(time, file, said)
 
 
 def _looked_into(file: Path) -> Seen:
@@ -64,7 +162,8 @@ def _is_whole(seen: Seen) -> bool:
     return any({"acc", "gyr"} <= set(q) or "quaternion" in q for q in seen.sensors.values())
 
 
-def _of_one_file(seen: Seen, said: list[str]) -> dict[str, Any]:
+# Complex by where times may stand: with a quantity, with all, or nowhere.
+def _of_one_file(seen: Seen, said: Said) -> dict[str, Any]:
     """A mapping of a file with one or more sensors."""
     sensors: dict[str, Any] = {}
     if seen.free:
@@ -77,7 +176,7 @@ def _of_one_file(seen: Seen, said: list[str]) -> dict[str, Any]:
     for label, (owner, quantities) in zip(labels, seen.sensors.items(), strict=True):
         for kind, quantity in quantities.items():
             length = len(seen.values[quantity.names[0]])
-            times[label, kind] = time_of(seen, _near(seen, owner, length))
+            times[label, kind] = said.time_of(seen, _near(seen, owner, length))
         sensors[label] = _sensor(
             seen, quantities, times[label, next(iter(quantities))], label, said
         )
@@ -88,6 +187,9 @@ def _of_one_file(seen: Seen, said: list[str]) -> dict[str, Any]:
     if common is not None:
         result["time"] = {"column": common.column, "unit": common.unit}
         _say_time(common, seen.table.file.name, said)
+    elif said.rate is not None:
+        result["rate_hz"] = said.rate
+        said.append(f"{seen.table.file.name}: no times; --rate states {said.rate:g} Hz")
     elif (rate := stated_rate(seen.table)) is not None:
         result["rate_hz"] = rate[1]
         said.append(f"{seen.table.file.name}: no times; {rate[0]} states {rate[1]:g} Hz")
@@ -110,7 +212,7 @@ def _near(seen: Seen, owner: str, length: int) -> list[str]:
     return sorted(fitting, key=lambda name: path_of(seen, name)[0] != owner)
 
 
-def _of_one_file_each(looked: list[Seen], said: list[str]) -> dict[str, Any]:
+def _of_one_file_each(looked: list[Seen], said: Said) -> dict[str, Any]:
     """A mapping of files with one quantity each.
 
     Raises:
@@ -121,7 +223,7 @@ def _of_one_file_each(looked: list[Seen], said: list[str]) -> dict[str, Any]:
     acc = next((seen for seen in looked if "acc" in next(iter(seen.sensors.values()), {})), None)
     for seen in looked:
         quantities = next(iter(seen.sensors.values()), {})
-        time = time_of(seen, list(seen.values))
+        time = said.time_of(seen, list(seen.values))
         if len(quantities) != 1 or next(iter(quantities)) in parts or time is None:
             raise seen.table.problem(
                 "is neither a sensor nor one quantity, with times, of a sensor whose others stand "
@@ -148,21 +250,22 @@ def _of_one_file_each(looked: list[Seen], said: list[str]) -> dict[str, Any]:
     return result | {"time": first, "sensors": {"imu": parts}}
 
 
-def _say_time(time: Time, file: str, said: list[str]) -> None:
+def _say_time(time: Time, file: str, said: Said) -> None:
     rate = f", {time.rate:.4g} Hz" if time.rate else ""
     said.append(f"{file}: times in column {time.column}, in {time.unit}{rate}")
 
 
+# Complex by who tells a unit: a person, titles, numbers, or raw counts.
 def _sensor(
     seen: Seen,
     quantities: dict[str, Quantity],
     time: Time | None,
     label: str,
-    said: list[str],
+    said: Said,
     evidence: Evidence | None = None,
 ) -> dict[str, Any]:
     """The part of a mapping for one sensor."""
-    rate = time.rate if time is not None and time.rate else 100.0
+    rate = time.rate if time is not None and time.rate else said.rate or 100.0
     acc, gyr = quantities.get("acc"), quantities.get("gyr")
     if evidence is None and acc is not None:
         evidence = evidence_in(seen, acc.names, gyr.names if gyr else None, rate)
@@ -187,6 +290,8 @@ def _sensor(
             said.append(f"{label}: {what} in {shown}")
             continue
         unit, why = unit_told(kind, found, seen, evidence)
+        if kind in said.units:
+            unit, why = said.units[kind], "as --unit states"
         counts = None
         if unit is None and kind != "mag" and evidence is not None:
             counts = counts_per_unit(kind, evidence)
@@ -198,5 +303,5 @@ def _sensor(
         parts[kind] = where | ({"unit": unit} if unit else {})
         said.append(f"{label}: {kind} in {shown}, {f'in {unit} ({why})' if unit else why}")
     if not parts.keys() & {"acc", "gyr", "quaternion"}:
-        raise seen.table.problem(f"nothing is left to be a sensor: {said[-1]}")
+        raise seen.table.problem(f"nothing is left to be a sensor: {said.sentences[-1]}")
     return parts

@@ -48,8 +48,14 @@ class Time:
     rate: float
 
 
-def time_of(seen: Seen, among: Sequence[str]) -> Time | None:
-    """The column of times among some, its unit, and the rate that comes of both."""
+def time_of(seen: Seen, among: Sequence[str], said: str | None = None) -> Time | None:
+    """The column of times among some, its unit, and the rate that comes of both.
+
+    Args:
+        seen: The file.
+        among: Columns.
+        said: Unit that a person states.
+    """
     inside = {column for columns in seen.table.arrays.values() for column in columns}
     candidates = [name for name in among if name not in inside]
     titled = [n for n in candidates if read_title(path_of(seen, n)[1]).kind == "time"]
@@ -72,6 +78,8 @@ def time_of(seen: Seen, among: Sequence[str]) -> Time | None:
         stated = unit_of("time", read_title(path_of(seen, name)[1]).unit)
         for unit in [stated] if stated else STAMP_UNITS:
             rate = 1 / (mean * SECONDS[unit])
+            if said is not None:
+                return Time(column_of(seen, name), said, 1 / (mean * SECONDS[said]))
             if SLOWEST <= rate <= FASTEST:
                 return Time(column_of(seen, name), unit, rate)
     for name in seen.clocks:

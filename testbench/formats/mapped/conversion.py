@@ -8,9 +8,10 @@ import numpy as np
 
 from testbench.formats.axes import AxisMap
 from testbench.formats.mapped.axes import axes_meant, enu_orientations, own_axes
+from testbench.formats.mapped.beside import acc_as_meant
 from testbench.formats.mapped.build import Build
 from testbench.formats.mapped.columns import MAGNETIC, QUATERNION, Placed
-from testbench.formats.mapping import QuaternionColumns, VectorColumns
+from testbench.formats.mapping import AccColumns, QuaternionColumns, VectorColumns
 from testbench.formats.tables.samples_stream import Quantities, stack
 from testbench.formats.tables.source import Columns, Kind
 
@@ -104,6 +105,8 @@ def conversion_of(
         if quantity in placed:
             part = placed[quantity].part
             assert isinstance(part, VectorColumns)
+            if isinstance(part, AccColumns):
+                part = acc_as_meant(build, part)
             own = axes
             if part.axes:
                 own = own_axes(build.place.inside(quantity, "axes"), part.axes)

@@ -120,8 +120,10 @@ def sensors_meant(document: YamlDocument[MappingSpec], files: Sequence[Path]) ->
     if not others and _has_own_files(only):
         return _by_folder(key, only, files, Place(document, ("sensors", key)))
     if not others and len(files) > 1:
-        chosen = [file for file in files if only.file is None or fitting(only.file, [file])]
-        unused = [file.name for file in files if file not in chosen]
+        beside = [file for file in files if fitting(document.value.beside, [file])]
+        own = [file for file in files if file not in beside] if only.file is None else files
+        chosen = [file for file in own if only.file is None or fitting(only.file, [file])]
+        unused = [file.name for file in files if file not in (*chosen, *beside)]
         if unused:
             raise InputError(f"{', '.join(sorted(unused))}: no sensor of the mapping reads it")
         names = unique_names(stem_without_stamp(file.stem) for file in chosen)

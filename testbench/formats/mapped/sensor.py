@@ -142,7 +142,7 @@ def _details(build: Build, convert: Conversion, rate: float) -> dict[str, Any]:
         for quantity, vector in convert.vectors.items()
         if (vector.part.offset, vector.part.scale) != (0.0, 1.0)
     }
-    details: dict[str, Any] = {}
+    details: dict[str, Any] = {} if build.spec.device is None else {"device_tag": build.spec.device}
     if scales:
         details["raw_counts"] = {
             "formula": "value in the unit = (counts - offset) * scale"

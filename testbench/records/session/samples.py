@@ -146,6 +146,15 @@ class ImuSamples:
     def __len__(self) -> int:
         return len(self.device_time_ns)
 
+    def rows(self, rows: np.ndarray | slice) -> ImuSamples:
+        """Some of the samples.
+
+        Args:
+            rows: Their indices, a mask of shape (n,), or a slice.
+        """
+        columns = {key: column for key, column in vars(self).items() if column is not None}
+        return ImuSamples.from_groups({key: column[rows] for key, column in columns.items()})
+
     @staticmethod
     def columns(mag: bool, device_q: bool, temperature: bool = False) -> dict[str, Any]:
         """Column names and types on disk."""

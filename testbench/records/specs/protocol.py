@@ -254,7 +254,7 @@ class Estimation(StrictModel):
     keep: list[DoubtfulSamples] = Field(
         default=[],
         description="Kinds of doubtful samples that are real in these recordings and stay in: "
-        "zeros, stuck, clipped, spike.",
+        "zeros, stuck, clipped, spike, straight.",
     )
 
     @model_validator(mode="after")

@@ -129,9 +129,11 @@ def test_turns_that_miss_gravity_are_remarked():
     good, bad = (
         replace(found, validation={"gravity_direction_median_deg": value}) for value in (4.9, 13.36)
     )
-    assert not missed_gravity(good)
-    (said,) = missed_gravity(bad)
-    assert said.startswith("gyroscope by gravity_turns: ") and "median of 13.4 deg" in said
+    assert not missed_gravity(good, refused=False)
+    (said,) = missed_gravity(bad, refused=False)
+    assert "median of 13.4 deg" in said.sentence and "not for use" in said.sentence
+    (said,) = missed_gravity(bad, refused=True)
+    assert "not calibrated" in said.sentence and "--method gravity_turns" in said.remedy
 
 
 @pytest.mark.parametrize("limit", [np.inf, 1.0])

@@ -18,6 +18,7 @@ from testbench.formats import import_recording
 from testbench.formats.guessing.titles import read_title
 from testbench.formats.options import Options
 from testbench.pipeline.bring_in import guess_mapping
+from tests.command_line import command
 from tests.conftest import FakeClock
 from tests.formats.foreign_arrays import mat_with_objects
 
@@ -314,3 +315,77 @@ def test_what_fits_nothing_is_told(content, said, tmp_path):
 def test_what_a_title_says(title, kind, part, unit):
     found = read_title(title)
     assert (found.kind, found.part, found.unit) == (kind, part, unit)
+
+
+def told_by_command(capsys, *arguments: str) -> list[str]:
+    assert command("import", "--guess", *arguments) == 0
+    return capsys.readouterr().out.splitlines()
+
+
+def test_rate_and_units_that_are_stated_go_into_mapping_and_command(
+    table, xyz, motion, tmp_path, clock, capsys
+):
+    m = motion(1200)
+    columns = xyz("a{}", m.acc / G, "xyz") | xyz("g{}", m.gyr, "xyz")
+    file = table("d.csv", columns)
+    out = tmp_path / "m.yaml"
+    lines = told_by_command(
+        capsys,
+        str(file),
+        "--rate",
+        "100",
+        "--unit",
+        "gyr=rad/s",
+        "--unit",
+        "acc=g",
+        "--out",
+        str(out),
+    )
+    assert any("as --unit states" in line for line in lines)
+    asked = Options(str(out))
+    session = import_recording("generic", [file], tmp_path / "s", clock, asked)
+    check((session.imu("imu"), session.manifest.sensors["imu"].rate_hz), m)
+
+
+def test_a_stated_unit_of_time_is_taken(table, xyz, motion, tmp_path):
+    m = motion(600)
+    columns = {"t": m.t * 10} | xyz("a{}", m.acc, "xyz") | xyz("g{}", m.gyr, "xyz")
+    file, out = table("d.csv", columns), tmp_path / "m.yaml"
+    guess_mapping([str(file)], str(out), units=["time=ms"])
+    assert "unit: ms" in out.read_text()
+
+
+def test_options_that_a_guess_has_no_use_for_are_refused(table, xyz, motion, capsys):
+    file = table("d.csv", {"t": motion(300).t} | xyz("a{}", motion(300).acc, "xyz"))
+    assert command("import", "--guess", file, "--axes", "x: -x, y: -y, z: z") == 2
+    assert "--guess looks at the files by themselves" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_file_of_orientations_beside_becomes_the_truth(table, xyz, motion, tmp_path, clock):
+    m = motion(1200)
+    imu = table("imu.csv", {"t": m.t} | xyz("a{}", m.acc, "xyz") | xyz("g{}", m.gyr, "xyz"))
+    q = {f"q{part}": column for part, column in zip("wxyz", m.q[::2].T, strict=True)}
+    mocap = table("mocap.csv", {"time": m.t[::2] + 5.0} | q)
+    (tmp_path / "Metadata.csv").write_text("version,device name,platform\n3,mine,android\n")
+    files = [str(imu), str(mocap), str(tmp_path / "Metadata.csv")]
+    found = guess_mapping(files, str(tmp_path / "m.yaml"))
+    assert any("taken for the truth" in own for own in found.seen)
+    assert any("Metadata.csv: left out" in own for own in found.seen)
+    session = import_recording(
+        "generic", [*map(Path, files)], tmp_path / "s", clock, Options(str(found.mapping))
+    )
+    assert session.sensor_names == ["imu"]
+    check((session.imu("imu"), session.manifest.sensors["imu"].rate_hz), m)
+    truth = session.truth("imu")
+    assert truth is not None and len(truth.host_time_ns) == 600
+
+
+def test_what_stands_beside_does_not_kill_a_mapping_of_one_file_each(
+    table, xyz, motion, round_trip, tmp_path
+):
+    m = motion(2400)
+    acc = table("acc.csv", {"time": m.t} | xyz("{}", m.acc, "xyz"))
+    gyr = table("gyro.csv", {"time": m.t} | xyz("{}", m.gyr, "xyz"))
+    (tmp_path / "Metadata.csv").write_text("version,device name,platform\n3,mine,android\n")
+    samples, _ = round_trip(acc, gyr, tmp_path / "Metadata.csv")
+    np.testing.assert_allclose(samples.acc, m.acc, atol=1e-5)

@@ -66,6 +66,22 @@ TEMPLATES = {
         "as a gyroscope's response to force or an orientation, is wrong there",
         "record again with a wider range, or move more slowly",
     ),
+    "calibration.missed": Template(
+        WARNING,
+        "by {method} the turns that are held out miss the direction of gravity by a median of "
+        "{missed_deg:.3g} deg, where a good calibration leaves below 1",
+        "it is not for use: its rates are clipped or of another time than the accelerometer's, its "
+        "axes are not the accelerometer's, or the sensor was moved otherwise between the rests",
+        "look into the recording first; a calibration without --method leaves this triad as it is",
+    ),
+    "calibration.missed_refused": Template(
+        WARNING,
+        "it is not calibrated by {method}: the turns that are held out miss the direction of "
+        "gravity by a median of {missed_deg:.3g} deg, where a good calibration leaves below 1",
+        "its rates are clipped or of another time than the accelerometer's, its axes are not the "
+        "accelerometer's, or the sensor was moved otherwise between the rests",
+        "record it again; --method {method} calibrates it all the same",
+    ),
     "calibration.at_one_g": Template(
         NOTE,
         "scale, cross-axis and bias are those at 1 g, the force that every pose feels",

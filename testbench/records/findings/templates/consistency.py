@@ -139,8 +139,10 @@ TEMPLATES = {
     "consistency.orientation_ned": Template(
         WARNING,
         "turned by its orientation the specific force points down, and the field along x",
-        "the earth of the quaternion is NED, where ENU was taken",
-        "the key quaternion.earth: NED of the mapping says so {keys}",
+        "the earth of the quaternion is NED, where ENU was taken; or, of an iPhone, whose x points "
+        "north and z up, the accelerometer has the opposite sign",
+        "the key quaternion.earth: NED of the mapping mends the one, acc.scale: -1 the other "
+        "{keys}",
     ),
     "consistency.acc_negated": Template(
         WARNING,
@@ -181,7 +183,7 @@ TEMPLATES = {
         "its motion does not show whether these are right: {in_short}",
         "",
         "turn it about two axes, and tilt it, with rests between; the sign of the accelerometer is "
-        "told by an orientation of the device, or by a magnetometer and the key hemisphere of the "
-        "mapping",
+        "told by an orientation of the device, or by a magnetometer and --hemisphere north or "
+        "south",
     ),
 }

@@ -16,6 +16,20 @@ TEMPLATES = {
         "meanwhile",
         "calibrate it first: `testbench calibrate`, or a stored calibration",
     ),
+    "gap.restarted": Template(
+        WARNING,
+        "{gaps} {gaps:gap|gaps} of more than 1 s without rates, the first before {at_s:.2f} s",
+        "nobody knows how it turned in there; filters begin anew after each, level by the "
+        "accelerometer and with the heading of the magnetometer, or, without one, with the heading "
+        "that they had before, which is true no more",
+    ),
+    "gap.aligned_anew": Template(
+        NOTE,
+        "{apart_s:.1f} s beyond such gaps are evaluated, in {stretches} "
+        "{stretches:stretch|stretches}",
+        "the heading of filters without a magnetometer is aligned there by its mean, so that no "
+        "error of it holds what it turned over a gap; joint angles are not judged there",
+    ),
     "field.norm": Template(
         WARNING,
         "the magnetic field differs from its median of {usual_ut:.1f} uT by over 20 % in "
@@ -40,6 +54,15 @@ TEMPLATES = {
         "its stored calibration says of the {triad}: {sentence}",
         "",
         "when it is calibrated again: {remedy}",
+    ),
+    "calibration.by_name": Template(
+        WARNING,
+        "its stored calibration is of a sensor of the same name: {stored}, while the recording "
+        "names {own}",
+        "another part of that name would be corrected by the errors of the first, and nothing that "
+        "was recorded contradicts it",
+        "look whether it is the same part; the key device of a mapping names it, and then only a "
+        "calibration of the same device is taken",
     ),
     "calibration.none_of_this_sensor": Template(
         WARNING,

@@ -40,9 +40,10 @@ TEMPLATES = {
         WARNING,
         "{count} {count:sample|samples} left out: after a gap",
         "nobody knows how it turned in there: after 0.25 s without readings a filter needs a "
-        "second to settle, and after 1 s without rates nothing that follows is evaluated",
-        "to have what follows a long gap, cut the file there and import the rest as a recording of "
-        "its own",
+        "second to settle, and what follows 1 s without rates is evaluated only where 10 s of a "
+        "truth tell its heading anew",
+        "to have what follows a long gap in frames of its own, cut the file there and import the "
+        "rest as a recording of its own",
     ),
     "judged.no_truth": Template(NOTE, "no truth, so its orientation is not evaluated"),
     "judged.nothing": Template(NOTE, "nothing was evaluated: {cause}"),

@@ -46,6 +46,20 @@ TEMPLATES = {
         "no sensor's bandwidth lets that pass; they count as lost",
         "`estimate: {{keep: [spike]}}` if they are real",
     ),
+    "samples.straight": Template(
+        WARNING,
+        "{count} samples of {quantities} lie on straight lines between others in every axis, the "
+        "first at {first_s:.2f} s, as noise does not",
+        "lost samples that a logger or an exporter filled in; they count as lost",
+        "`estimate: {{keep: [straight]}}` if they are real",
+    ),
+    "samples.resampled": Template(
+        NOTE,
+        "of its {quantity} but one in {rows:.3g} samples lies off straight lines between others",
+        "it was recorded at that lower rate, and interpolated to this one: what lies between is no "
+        "measurement, and its noise is not the sensor's",
+        "export it at the rate that it was recorded at",
+    ),
     "samples.beyond": Template(
         WARNING,
         "{count} samples of {quantities} are beyond what any sensor reads, the first at "

@@ -54,6 +54,21 @@ TEMPLATES = {
         "",
         "end its name in _r or _l",
     ),
+    "structure.negated": Template(
+        NOTE,
+        "its accelerometer was negated: by {file} it is of a phone that writes the opposite of the "
+        "force",
+        "at rest it points up, as everywhere here",
+    ),
+    "structure.sign_open": Template(
+        WARNING,
+        "whether its accelerometer has the sign of the force is open: no {file} says of which "
+        "phone it is",
+        "an iPhone writes the opposite sign, unless its units and frames were standardised; every "
+        "orientation is then upside down, and nothing that was recorded contradicts it",
+        "put that file beside the others; or --hemisphere north (or south), by which a "
+        "magnetometer tells it; acc.scale: -1 in a mapping of your own mends it",
+    ),
     "structure.copies": Template(
         WARNING,
         "{first} and {second} hold the same, byte for byte",

@@ -50,6 +50,12 @@ TEMPLATES = {
         "they are kept in the times that --rate makes",
         "leave --rate out to have the times of the file",
     ),
+    "time.gaps": Template(
+        NOTE,
+        "{count} {count:gap|gaps} between samples, {total_s:.2f} s in all, the longest of "
+        "{longest_s:.2f} s at {at_s:.2f} s",
+        "samples were lost there; what filters do about it depends on how long a gap is",
+    ),
     "time.repeated": Template(
         WARNING,
         "{count} rows repeat the stamp and every value of an earlier one, the first after "
