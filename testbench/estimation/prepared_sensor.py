@@ -19,7 +19,7 @@ from testbench.estimation.alignment.true_motion import TrueMotion, true_motion
 from testbench.estimation.calibration.calibration_sections import corrected, fit_sections
 from testbench.estimation.calibration.stored_calibration import corrector
 from testbench.estimation.filters import OrientationFilter, UniformSamples
-from testbench.estimation.joints.body import Read
+from testbench.estimation.joints.body_recording import Read
 from testbench.estimation.signals.access import Correct, SampleAccess
 from testbench.estimation.signals.recording import RunFacts, SensorRecording
 from testbench.estimation.signals.segmentation import detect_static, detect_static_by_force
