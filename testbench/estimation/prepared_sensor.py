@@ -20,7 +20,7 @@ from testbench.estimation.alignment.true_motion import TrueMotion, true_motion
 from testbench.estimation.calibration.calibration_sections import corrected, fit_sections
 from testbench.estimation.calibration.stored_calibration import corrector
 from testbench.estimation.filters import OrientationFilter, UniformSamples
-from testbench.estimation.joints.body import Read
+from testbench.estimation.joints.body_recording import Read
 from testbench.estimation.signals.access import Correct, SampleAccess
 from testbench.estimation.signals.quality import AFTER_GAP
 from testbench.estimation.signals.recording import RunFacts, SensorRecording

@@ -44,7 +44,16 @@ def write_motive(path: Path, rate: float, markers: np.ndarray, q: np.ndarray, fo
     rows = csv.writer(out, lineterminator="\n")
     rows.writerow(
         ["Format Version", "1.23", "Take Name", "walk, one", "Export Frame Rate", f"{rate:.6f}"]
-        + ["Rotation Type", form, "Length Units", "Meters", "Coordinate Space", "Global"]
+        + [
+            "Total Exported Frames",
+            str(len(markers)),
+            "Rotation Type",
+            form,
+            "Length Units",
+            "Meters",
+            "Coordinate Space",
+            "Global",
+        ]
     )
     rows.writerow([])
     axes = ["X", "Y", "Z", "W"] if form == "Quaternion" else ["X", "Y", "Z"]
@@ -91,6 +100,19 @@ def write_qualisys(path: Path, rate: float, markers: np.ndarray, titles: bool) -
     for i, row in enumerate(markers):
         lead = f"{i + 1}\t{i / rate:.5f}\t" if titles else ""
         lines.append(lead + "\t".join(map(text, np.nan_to_num(1000 * row.ravel()))))
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def write_trc(path: Path, rate: float, markers: np.ndarray) -> Path:
+    count = f"{rate:g}\t{rate:g}\t{len(markers)}\t{len(NAMES)}\tmm"
+    lines = [f"PathFileType\t4\t(X/Y/Z)\t{path.name}"]
+    lines += ["DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits", count]
+    lines += ["Frame#\tTime\t" + "\t\t\t".join(NAMES)]
+    lines += ["\t\t" + "\t".join(f"{c}{i}" for i in range(1, 5) for c in "XYZ"), ""]
+    for i, row in enumerate(markers):
+        cells = "\t".join(map(text, 1000 * row.ravel()))
+        lines.append(f"{i + 1}\t{i / rate:.5f}\t{cells}")
     path.write_text("\n".join(lines) + "\n")
     return path
 

@@ -146,6 +146,31 @@ def test_decimal_commas_of_a_motion_capture_export_are_read(tmp_path, motion, lo
     check(load(path, MARKERS), q)
 
 
+@pytest.mark.parametrize("system", ["TRC", "Motive", "Qualisys"])
+def test_another_number_of_frames_than_the_header_says_is_told(tmp_path, motion, load, system):
+    q = motion(600).q
+    path, markers = tmp_path / "take.csv", mocap.placed(q)
+    if system == "TRC":
+        mocap.write_trc(path, 100.0, markers)
+    elif system == "Motive":
+        mocap.write_motive(path, 100.0, markers, q, "Quaternion")
+    else:
+        mocap.write_qualisys(path, 100.0, markers, True)
+
+    def told() -> dict[str, str]:
+        findings = load(path, MARKERS).manifest.findings
+        return {own.code: str(own) for own in findings if own.code.startswith("truth.rows")}
+
+    whole = path.read_text()
+    assert told() == {}
+    path.write_text("".join(whole.splitlines(keepends=True)[:-40]))
+    assert "says 600 rows, and it holds 560" in told()["truth.rows_missing"]
+    path.write_text(whole.replace("600", "550", 1))
+    assert "says 550 rows, and it holds 600" in told()["truth.rows_beyond"]
+    path.write_text(whole.replace("600", "", 1))
+    assert told() == {}  # nothing is stated
+
+
 @pytest.mark.parametrize("by_rows", [False, True])
 def test_qualisys_bodies_in_the_reading_that_their_angles_confirm(tmp_path, motion, load, by_rows):
     q = motion(600).q

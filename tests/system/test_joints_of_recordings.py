@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from testbench.formats.options import Options
 from testbench.model import rotation
 from testbench.pipeline.bring_in import bring_in
 from testbench.pipeline.request import BodyRequest, ImportRequest
+from testbench.records.findings.catalogue import finding
 from testbench.records.results.estimate import Estimate
 from testbench.records.session.session import Session
 from testbench.reporting.report import render
@@ -88,6 +90,22 @@ def test_angles_and_uncertainties_are_kept_and_judged(walked):
     page = render(session, estimated, evaluation)
     assert "Angles over time: knee_r" in page
     assert "How well the angles of hip_r are known" in page
+
+
+def test_an_export_by_a_filter_without_angles_names_those_that_have_some(walked, tmp_path):
+    session, estimated = walked
+    lost = finding("joint.not_placed", filter="vqf_6d", why="it fell", add="a rest")
+    joints = {
+        name: replace(
+            own,
+            angles={key: of for key, of in own.angles.items() if key[0] != "vqf_6d"},
+            findings=[*own.findings, lost],
+        )
+        for name, own in estimated.joints.items()
+    }
+    source = ExportSource(session, replace(estimated, joints=joints), "vqf_6d")
+    with pytest.raises(InputError, match=r"by 'vqf_6d': .*it fell.*; there are angles by vqf_9d"):
+        write_export("mot", source, tmp_path / "a.mot")
 
 
 @pytest.fixture(scope="module")

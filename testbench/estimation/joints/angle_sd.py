@@ -35,6 +35,7 @@ class AngleBudget:
             [rad], in place of `relative` and `drift`; None without.
         drifted: Variance of what they have drifted apart by beside that, shape (n,) [rad^2]; None
             for none.
+        hinged: Whether z of both segments is the axis of a hinge that the motion showed in both.
     """
 
     proximal: np.ndarray
@@ -46,6 +47,7 @@ class AngleBudget:
     posed: bool
     headings: np.ndarray | None = None
     drifted: np.ndarray | None = None
+    hinged: bool = False
 
 
 def angle_sd(
@@ -59,7 +61,9 @@ def angle_sd(
 
     A small rotation e about the axes of the distal segment is d2 - R' d1 of both segments' axes;
     (1 - R') c of what both share; h (y - u) of the relative heading, u being the
-    vertical in the distal segment, where it is none in the standing pose, else h u.
+    vertical in the distal segment, where it is none in the standing pose, else h u. Of a hinge
+    whose axis was found in both segments, all but what both share is no more across the axis than
+    the axes are seen apart.
 
     Args:
         time_ns: Host time, shape (n,) [ns].
@@ -85,16 +89,49 @@ def angle_sd(
     R = rotation.to_matrix(q)
     up = rotation.to_matrix(q_distal)[:, 2, :]
     covariance = budget.distal + np.einsum("nki,kl,nlj->nij", R, budget.proximal, R)
-    left = np.eye(3) - np.swapaxes(R, 1, 2)
-    covariance += np.einsum("nik,kl,njl->nij", left, budget.shared, left)
     variance = _relative_variance(time_ns, budget)
     lasting = UP_OF_SEGMENT - up if budget.posed else up
     covariance += budget.relative**2 * _outer(lasting) if budget.headings is None else 0.0
     covariance += variance[:, None, None] * _outer(up)
     covariance += 2 * INCLINATION_SD**2 * (np.eye(3) - _outer(up))
+    if budget.hinged:
+        covariance = _as_seen(covariance, time_ns, R)
+    left = np.eye(3) - np.swapaxes(R, 1, 2)
+    covariance += np.einsum("nik,kl,njl->nij", left, budget.shared, left)
     J = _derivative(q, decomposition)
     found = np.einsum("nik,nkl,nil->ni", J, covariance, J)
     return np.minimum(np.sqrt(np.maximum(found, 0.0)), np.pi)
+
+
+def _as_seen(covariance: np.ndarray, time_ns: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """What is uncertain of a hinge across its axis, by how far the axes in both segments are apart.
+
+    Axes that coincide in the mean over the motion, as found ones do, are apart by errors of either
+    sensor and by what the joint moves beside its axis. The one does not follow the other, so that
+    the mean square of their sum is at least that of the errors: what is stated is made as small
+    where it is more. Instants count by the square of the rate about the axis, as they do where the
+    axis is found.
+
+    Args:
+        covariance: Of each sensor's own errors about the distal axes, shape (n, 3, 3) [rad^2].
+        time_ns: Host time, shape (n,) [ns].
+        R: Distal axes in the proximal segment, shape (n, 3, 3).
+
+    Returns:
+        Shape (n, 3, 3) [rad^2].
+    """
+    turned = np.arctan2(R[:, 1, 0] - R[:, 0, 1], R[:, 0, 0] + R[:, 1, 1])
+    steps = np.diff(time_ns) / NANOSECONDS
+    rate = rotation.wrap(np.diff(turned)) / steps
+    apart = np.sum(R[1:, 2, :2] ** 2, axis=1)  # z of the proximal segment across the distal one's
+    stated = covariance[1:, 0, 0] + covariance[1:, 1, 1]
+    known = np.isfinite(rate) & np.isfinite(apart)
+    weight = rate[known] ** 2
+    most, seen = weight @ stated[known], weight @ apart[known]
+    if not 0 < seen < most:
+        return covariance
+    less = np.diag([np.sqrt(seen / most), np.sqrt(seen / most), 1.0])
+    return np.asarray(less @ covariance @ less)
 
 
 def _relative_variance(time_ns: np.ndarray, budget: AngleBudget) -> np.ndarray:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from testbench.estimation.filters import OrientationFilter
-from testbench.estimation.joints.body import BodyRecording, Read, estimate_body
+from testbench.estimation.joints.body import estimate_body
+from testbench.estimation.joints.body_recording import BodyRecording, Read
 from testbench.estimation.joints.constrained import constrained, is_constrained
 from testbench.estimation.joints.true_clock import with_true_clocks
 from testbench.estimation.signals.recording import RunFacts

@@ -14,6 +14,9 @@ from testbench.formats.exporters.source import TRUTH, ExportSource, increasing
 from testbench.formats.opensim_names import FILES, anatomical_columns
 from testbench.model.joint_angle import flexion_of
 
+NOT_THERE = ("joint.not_placed", "joint.not_computed")
+"""Findings on joints that have no angles."""
+
 
 def write(source: ExportSource, path: Path) -> list[str]:
     """Write the angles of every joint by the chosen filter.
@@ -60,12 +63,13 @@ def _nothing(source: ExportSource) -> str:
     """Why there is no angle to write."""
     path, joints = source.session.path, list(source.session.analysis.joints)
     if joints:
-        why = "; ".join(
-            dict.fromkeys(
-                str(own) for joint in source.estimate.joints.values() for own in joint.findings
-            )
-        )
-        return f"{path} has no angles of {', '.join(joints)} by '{source.filter}': {why}"
+        estimated = source.estimate.joints.values()
+        told = [own for joint in estimated for own in joint.findings if own.code in NOT_THERE]
+        own = (one for one in told if source.filter in str(one.values["filter"]).split(", "))
+        why = "; ".join(dict.fromkeys(map(str, own))) or "it gave no orientation of both sensors"
+        others = list(dict.fromkeys(key for joint in estimated for key, _ in joint.angles))
+        there = f"; there are angles by {', '.join(others)} (--filter)" if others else ""
+        return f"{path} has no angles of {', '.join(joints)} by '{source.filter}': {why}{there}"
     if source.arm is not None:
         return (
             f"{path} has no joint angles by '{source.filter}': it defines no joints between "

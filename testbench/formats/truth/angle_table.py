@@ -20,11 +20,10 @@ from testbench.formats.tables.source import Columns, Kind, Source
 from testbench.formats.tables.text_table import TextTable, find_table, guess_separator, head_of
 from testbench.formats.tables.timeline import RegularTime
 from testbench.formats.truth.c3d import read_c3d_angles
-from testbench.formats.truth.number_rows import number_rows
+from testbench.formats.truth.number_rows import number_rows, rows_apart
 from testbench.formats.truth.reference import collect
 from testbench.formats.truth.times import truth_stamps
 from testbench.formats.truth.tracked import frame_times, tracked_times
-from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 
 AngleUnit = Literal["deg", "rad"]
@@ -159,15 +158,9 @@ def _coordinates(file: Path, rate: float | None) -> AngleTable:
     unit: AngleUnit | None = {"yes": "deg", "no": "rad"}.get(stated)  # type: ignore[assignment]
     columns = {name: rows[:, i] for i, name in enumerate(names) if i}
     model = header.get("coordinates", "")
-    findings = _fewer(file, header.get("nrows", header.get("datarows", "")), len(rows))
+    count = "nRows" if "nrows" in header else "datarows"
+    findings = rows_apart(file, count, header.get(count.lower()), len(rows))
     return AngleTable(OPENSIM, times, columns, unit=unit, model=model, findings=findings)
-
-
-def _fewer(file: Path, stated: str, rows: int) -> list[Finding]:
-    """Whether a table holds fewer rows than its header says."""
-    if not stated.isdigit() or int(stated) <= rows:
-        return []
-    return [finding("truth.rows_missing", file=file.name, stated=int(stated), rows=rows)]
 
 
 def _is_end(line: str) -> bool:

@@ -93,6 +93,7 @@ def give_truth(
             first_s=shift_ns / NANOSECONDS,
         )
     )
+    recording.findings += tracked.findings
     for name, marks in chosen.items():
         sensor = sensors[name]
         if len(marks) == 1:

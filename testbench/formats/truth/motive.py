@@ -16,7 +16,7 @@ import numpy as np
 from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.fields import split_line
 from testbench.formats.tables.text_table import head_of
-from testbench.formats.truth.number_rows import number_rows
+from testbench.formats.truth.number_rows import number_rows, rows_apart
 from testbench.formats.truth.tracked import (
     METRES,
     Tracked,
@@ -28,6 +28,8 @@ from testbench.formats.truth.tracked import (
 
 MARKERS = ("marker", "rigid body marker", "bone marker")
 BODIES = ("rigid body", "bone")
+COUNT = "Total Exported Frames"
+"""Key of the number of frames."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,7 @@ def read_motive(file: Path, rate: float | None) -> Tracked:
     stated = stated_rate(header.get("Export Frame Rate"))
     times = tracked_times(file, len(rows), seconds, rate, stated, at + 2)
     tracked = Tracked("Motive (y up)", times)
+    tracked.findings += rows_apart(file, COUNT, header.get(COUNT), len(rows))
     for kind in MARKERS:
         places = _places(columns, (kind,), "position", "XYZ")
         if places:

@@ -11,6 +11,8 @@ from testbench.exceptions import FileProblems, Problem, one_line
 from testbench.formats.tables.bytes_stream import LineStream, encoding_of
 from testbench.formats.tables.fields import BLANKS
 from testbench.formats.tables.text_table import decimal_of
+from testbench.records.findings.catalogue import finding
+from testbench.records.findings.finding import Finding
 
 LINES_PER_BLOCK = 5000
 
@@ -61,6 +63,23 @@ def line_of_row(file: Path, first_line: int, row: int) -> int:
     with LineStream(file, encoding_of(file), first_line - 1) as stream:
         blank = itertools.takewhile(lambda line: not line.strip(), stream.lines())
         return first_line + sum(1 for _ in blank) + row
+
+
+def rows_apart(file: Path, key: str, stated: str | None, rows: int) -> list[Finding]:
+    """Whether a file holds another number of rows than its header says, and what that means.
+
+    Args:
+        file: Of the rows.
+        key: What the header calls their number.
+        stated: As it stands there; None or no whole number where nothing is stated.
+        rows: How many were read.
+    """
+    text = (stated or "").strip()
+    count = int(text) if text.isascii() and text.isdigit() else rows
+    if count == rows:
+        return []
+    code = "truth.rows_missing" if count > rows else "truth.rows_beyond"
+    return [finding(code, file=file.name, key=key, stated=count, rows=rows)]
 
 
 def _cells(file: Path, number: int, line: str, separator: str, width: int) -> list[str]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.text_table import head_of
-from testbench.formats.truth.number_rows import number_rows
+from testbench.formats.truth.number_rows import number_rows, rows_apart
 from testbench.formats.truth.tracked import (
     LARGEST_PART,
     Tracked,
@@ -29,6 +29,8 @@ from testbench.model import rotation
 
 _KEY = re.compile(r"^[A-Z][A-Z_0-9]+(\t|$)")
 BODY_COLUMNS = 16
+COUNT = "NO_OF_FRAMES"
+"""Key of the number of frames."""
 MM = 1e-3
 AGREES = np.radians(0.5)
 """Angles and matrix of a body agree if they differ by less [rad]."""
@@ -74,6 +76,7 @@ def read_qualisys(file: Path, rate: float | None) -> Tracked:
     stated = stated_rate((header.get("FREQUENCY") or [""])[0])
     times = tracked_times(file, len(rows), rows[:, 1] if lead == 2 else None, rate, stated, at + 1)
     tracked = Tracked("Qualisys", times)
+    tracked.findings += rows_apart(file, COUNT, (header.get(COUNT) or [""])[0], len(rows))
     if bodies:
         for i, name in enumerate(names):
             own = rows[:, lead + BODY_COLUMNS * i : lead + BODY_COLUMNS * (i + 1)]

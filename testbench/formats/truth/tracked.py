@@ -11,6 +11,7 @@ import numpy as np
 from testbench.exceptions import FileProblems, NotFoundError, Problem
 from testbench.formats.truth.number_rows import line_of_row
 from testbench.frames import NANOSECONDS
+from testbench.records.findings.finding import Finding
 
 METRES = {
     "mm": 1e-3,
@@ -41,6 +42,7 @@ class Tracked:
         markers: By name, shape (n, 3) [m] in the world of the file; NaN where lost.
         bodies: q_world_from_body by name, shape (n, 4); NaN where lost.
         left_out: Bodies that the file has, but not as this bench can read them, and why.
+        findings: What was noticed.
     """
 
     system: str
@@ -48,6 +50,7 @@ class Tracked:
     markers: dict[str, np.ndarray] = field(default_factory=dict)
     bodies: dict[str, np.ndarray] = field(default_factory=dict)
     left_out: dict[str, str] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
 
     def marker(self, name: str) -> np.ndarray:
         """A marker by its name, or by what follows the subject's (`Anna:KNEE` is `KNEE`).

@@ -13,8 +13,11 @@ import numpy as np
 from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.fields import BLANKS, split_line
 from testbench.formats.tables.text_table import guess_separator, head_of
-from testbench.formats.truth.number_rows import number_rows
+from testbench.formats.truth.number_rows import number_rows, rows_apart
 from testbench.formats.truth.tracked import METRES, Tracked, points, stated_rate, tracked_times
+
+COUNT = "NumFrames"
+"""Key of the number of frames."""
 
 
 def is_trc(lines: list[str]) -> bool:
@@ -57,4 +60,6 @@ def read_trc(file: Path, rate: float | None) -> Tracked:
     rows = number_rows(file, titles + 3, separator, 2 + 3 * len(names))
     stated = stated_rate(header.get("DataRate"))
     times = tracked_times(file, len(rows), rows[:, 1], rate, stated, titles + 3)
-    return Tracked("TRC", times, points(np.array(rows[:, 2:]), names, METRES[unit]))
+    found = Tracked("TRC", times, points(np.array(rows[:, 2:]), names, METRES[unit]))
+    found.findings += rows_apart(file, COUNT, header.get(COUNT), len(rows))
+    return found

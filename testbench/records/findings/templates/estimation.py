@@ -187,8 +187,8 @@ TEMPLATES = {
     ),
     "joint.beyond_anatomy": Template(
         WARNING,
-        "{filter}: its flexion goes from {low_deg:.0f} to {high_deg:.0f} deg, and a {kind} goes "
-        "from {least_deg:g} to {most_deg:g} deg at most",
+        "{filter}: its flexion goes from {low_deg:.0f} to {high_deg:.0f} deg, and "
+        "that of the {kind} from {least_deg:g} to {most_deg:g} deg at most",
         "it counts the other way or from another pose, or its sensors are not on the two segments "
         "beside it, or one of them slipped",
         "look which way forwards is said to be (--forward), when the person stands (--standing), "

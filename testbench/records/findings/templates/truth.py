@@ -82,7 +82,13 @@ TEMPLATES = {
         WARNING,
         "the header of {file} says {stated} rows, and it holds {rows}",
         "the file was cut off, or rows were taken out by hand",
-        "copy or export it again, or correct nRows",
+        "copy or export it again, or correct {key}",
+    ),
+    "truth.rows_beyond": Template(
+        WARNING,
+        "the header of {file} says {stated} rows, and it holds {rows}",
+        "rows of another recording may have been added; all are used",
+        "copy or export it again, or correct {key}",
     ),
     "truth.angles_lost": Template(
         WARNING,
