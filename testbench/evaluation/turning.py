@@ -8,6 +8,7 @@ from testbench.evaluation.time_lines import JudgedMotion
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.joint_angle import flexion_of, joint_angle_series
+from testbench.model.statistics.intervals import gradient
 from testbench.records.specs.joint_definition import FlexionAngle
 
 
@@ -46,17 +47,18 @@ def judged_motion(time_ns: np.ndarray, angle: np.ndarray, judged: list[np.ndarra
         judged: Rows of each step, none empty, shape (rows of the step,) each.
     """
     degrees = np.degrees(angle)
-    rate = np.gradient(degrees, time_ns / NANOSECONDS)
+    rate = gradient(degrees, time_ns / NANOSECONDS)
     every = np.concatenate(judged)
     sizes = np.array([len(rows) for rows in judged])
     starts = np.cumsum(sizes) - sizes
     known = np.isfinite(rate[every])
     own = np.where(known, rate[every], 0.0)
     count = np.add.reduceat(known, starts, dtype=np.int64)
-    mean, square = (
-        float(np.mean([piece.sum() for piece in np.split(values, starts[1:])] / count))
-        for values in (own, own**2)
-    )
+    with np.errstate(invalid="ignore"):  # nothing is known of a step: nor is its mean
+        mean, square = (
+            float(np.mean([piece.sum() for piece in np.split(values, starts[1:])] / count))
+            for values in (own, own**2)
+        )
     angles = degrees[every]
     swings = np.maximum.reduceat(angles, starts) - np.minimum.reduceat(angles, starts)
     return JudgedMotion(mean, float(np.sqrt(square)), float(np.fmax.reduce(swings)))

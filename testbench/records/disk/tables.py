@@ -352,13 +352,13 @@ def parquet_kinds(path: Path) -> dict[str, str]:
     return {field.name: _kind(field.type) for field in schema}
 
 
-INTEGER, NUMBER, FLAG = "whole numbers", "numbers", "truth values"
+INTEGER, NUMBER, FLAG = "int64", "double", "bool"
 
 
 def _kind(kind: pa.DataType) -> str:
-    if pa.types.is_integer(kind):
+    if pa.types.is_int64(kind):
         return INTEGER
-    if pa.types.is_float32(kind) or pa.types.is_float64(kind):
+    if pa.types.is_float64(kind):
         return NUMBER
     return FLAG if pa.types.is_boolean(kind) else str(kind)[:50]
 

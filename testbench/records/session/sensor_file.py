@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.exceptions import SessionError
 from testbench.records.disk.near import MOST_THINNED, is_long, read_near
 from testbench.records.disk.pieces import overlapping
 from testbench.records.disk.tables import (
@@ -19,6 +20,7 @@ from testbench.records.disk.tables import (
 from testbench.records.session.samples import TRUTH_Q, TRUTH_RATE, ImuSamples, Truth
 from testbench.records.session.sound_tables import (
     RESTARTED_NS,
+    Times,
     refuse_no_rotations,
     refuse_other_kinds,
     refuse_times,
@@ -50,8 +52,16 @@ class SensorFile(_StreamFile):
 
     def __init__(self, path: Path):
         super().__init__(path)
-        for name, back_ns in (("device_time_ns", RESTARTED_NS), ("host_time_ns", 0)):
-            refuse_times(path, name, self.column(name), back_ns)
+        device = Times(path, "device_time_ns", RESTARTED_NS)
+        host = Times(path, "host_time_ns")
+        for columns in self.tables(columns=["device_time_ns", "host_time_ns"]):
+            device.look(columns["device_time_ns"])
+            host.look(columns["host_time_ns"])
+        if device.stood:
+            raise SessionError(
+                f"{path} cannot be analysed: device_time_ns is the same in all of its rows; the "
+                "clock of the device stood still"
+            )
 
     def read(self, begin: int = 0, end: int | None = None, every: int = 1) -> ImuSamples:
         """Samples in memory.
@@ -104,7 +114,9 @@ class TruthFile(_StreamFile):
 
     def _sound(self, truth: Truth) -> Truth:
         """The same, if it is a truth."""
-        refuse_times(self._path, "host_time_ns", truth.host_time_ns)
+        if not self.count:
+            raise SessionError(f"{self._path} has no rows: nothing is known of what was true")
+        refuse_times(self._path, "host_time_ns", truth.host_time_ns, RESTARTED_NS)
         refuse_no_rotations(self._path, "q_world_from_sensor", truth.q_world_from_sensor)
         return truth
 

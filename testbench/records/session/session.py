@@ -38,10 +38,12 @@ from testbench.records.session.layout import (
 )
 from testbench.records.session.manifest import Manifest
 from testbench.records.session.manifest import RunStatus as RunStatus  # its status is one of these
-from testbench.records.session.plan import PlannedCycles, PlannedStep
+from testbench.records.session.plan import PlannedStep, step_of
 from testbench.records.session.samples import TRUE_ANGLES, ArmSamples, ImuSamples, TrueAngles, Truth
 from testbench.records.session.sensor_file import SensorFile, TruthFile
 from testbench.records.session.sound_tables import (
+    LATEST_NS,
+    RESTARTED_NS,
     refuse_no_numbers,
     refuse_other_kinds,
     refuse_times,
@@ -134,6 +136,11 @@ class Session:
             raise SessionError(
                 f"{self.path / MANIFEST}: the analysis is damaged: {first_problem(error)}"
             ) from None
+        if self.has_protocol and set(analysis.sensors) != set(self.sensor_names):
+            raise SessionError(
+                f"{self.path / MANIFEST}: the analysis is damaged: it is of the sensors "
+                f"{', '.join(analysis.sensors)}, and {', '.join(self.sensor_names)} were recorded"
+            )
         return with_body(analysis, self.sensor_names, self.path / MANIFEST)
 
     @property
@@ -350,7 +357,7 @@ class Session:
             )
         else:
             arm = ArmSamples.from_columns(read_parquet(file), names)
-        refuse_times(file, "host_time_ns", arm.host_time_ns)
+        refuse_times(file, "host_time_ns", arm.host_time_ns, RESTARTED_NS)
         measured = {"q_measured": arm.q_measured, "v_measured": arm.v_measured}
         refuse_no_numbers(file, measured)
         return arm
@@ -366,7 +373,7 @@ class Session:
             table = read_near(file, {name: name for name in columns}, self._near.arm)
         else:
             table = read_parquet(file, columns)
-        refuse_times(file, columns[0], table[columns[0]])
+        refuse_times(file, columns[0], table[columns[0]], RESTARTED_NS)
         refuse_no_numbers(file, {columns[1]: table[columns[1]]})
         return table[columns[0]], table[columns[1]]
 
@@ -387,6 +394,8 @@ class Session:
             ):  # cut off, empty, or damaged
                 continue
             if isinstance(time, int) and isinstance(name, str):
+                if abs(time) > LATEST_NS:
+                    raise SessionError(f"{file} is damaged: {time} is no time of an event")
                 events.append(Event(time, name, data))
         return events
 
@@ -417,15 +426,13 @@ class Session:
                         f"{self.path / EVENTS} is damaged: step {index} says too little"
                     )
                 data = {key: step.details[key] for key in keys}
+                data |= dict(zip(("start_ns", "settled_ns", "end_ns"), times, strict=True))
                 try:
-                    data["cycles"] = PlannedCycles.of(step.details.get("cycles"))
+                    steps.append(step_of(data | {"cycles": step.details.get("cycles")}))
                 except ValueError as error:
                     raise SessionError(
                         f"{self.path / EVENTS} is damaged: of step {index}, {error}"
                     ) from None
-                steps.append(
-                    PlannedStep(**data, start_ns=times[0], settled_ns=times[1], end_ns=times[2])
-                )
         return steps
 
     def _check_closed(self) -> None:
