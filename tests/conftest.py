@@ -12,6 +12,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+# What the bench remembers between commands is remembered beside the source, and not in the home
+# folder of whoever runs the tests.
+os.environ["XDG_CACHE_HOME"] = str(Path(__file__).resolve().parent.parent / "build" / "cache")
 # Before NumPy is loaded: the matrices are small, and threads of two workers on two cores would wait
 # for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -4,59 +4,96 @@ from __future__ import annotations
 
 import atexit
 import gc
+import os
 import sys
-from errno import ENOSPC
-from typing import TYPE_CHECKING, Any
+from contextlib import suppress
+from signal import SIGPIPE
+from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
     from typer import Typer
+
+    from testbench.exceptions import BenchError
+
+
+READER_GONE = 128 + SIGPIPE
+"""Exit code of a program whose reader went away, as shells tell it."""
+INTERRUPTED = 130
 
 
 def main() -> None:
     """Run the command line; each foreseen error is one message and an exit code, no traceback.
 
     What nobody foresaw is a fault of the program: one message that names a file to attach, and exit
-    code 70, so that no caller takes it for a limit that was broken.
+    code 70. Exit code 1 is a limit that was broken, and nothing else.
 
     With --json among the arguments the message is one JSON object on stderr, also for a command
     that was mistyped.
     """
     _collect_seldom()
-    from testbench.cli.output import say_error, say_json_error
-    from testbench.exceptions import BenchError, ProgramError
-
-    wants_json = "--json" in sys.argv[1:]
-
-    def tell(error: BenchError) -> None:
-        say_json_error(error) if wants_json else say_error(
-            str(error), getattr(error, "__notes__", [])
-        )
+    from testbench.exceptions import BenchError, ProgramError, StorageError
 
     try:
-        from testbench.cli.app import app
-
-        if wants_json:
-            _log_nothing()
-            sys.exit(_run_without_own_errors(app))
-        app()
+        _run()
     except BenchError as error:
-        tell(error)
+        _tell(error)
         sys.exit(error.exit_code)
     except BrokenPipeError:
-        sys.exit(1)
+        _leave_reader()
     except OSError as error:  # a full disk, a folder without permission
-        reason = "there is no room left on the disk" if error.errno == ENOSPC else str(error)
-        say_error(
-            f"{error.filename}: {error.strerror}" if error.filename and error.strerror else reason
-        )
-        sys.exit(3)
+        from testbench.records.disk.replacing import disk_reason
+
+        place = f"{error.filename}: " if error.filename else ""
+        _tell(StorageError(f"{place}{disk_reason(error)}"))
+        sys.exit(StorageError.exit_code)
     except Exception as error:
         from testbench.cli.crash import explain, wants_traceback
 
         if wants_traceback():
             raise
-        tell(explain(error, sys.argv[1:]))
+        _tell(explain(error, sys.argv[1:]))
         sys.exit(ProgramError.exit_code)
+
+
+def _run() -> None:
+    """Run a command, and hand on what it printed while what goes wrong with that can be told."""
+    import typer
+
+    from testbench.cli.app import app
+
+    try:
+        if _wants_json():
+            _log_nothing()
+            sys.exit(_run_without_own_errors(app))
+        app()
+    except SystemExit as stopped:
+        # typer ends by 1 where the reader went away, and where a question was not answered
+        if isinstance(stopped.__context__, OSError):
+            raise BrokenPipeError from None
+        if isinstance(stopped.__context__, typer.Abort):
+            sys.exit(INTERRUPTED)
+        sys.stdout.flush()
+        raise
+
+
+def _leave_reader() -> NoReturn:
+    """End where nobody reads any more: nothing else is said, not even when files are closed."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(READER_GONE)
+
+
+def _wants_json() -> bool:
+    return "--json" in sys.argv[1:]
+
+
+def _tell(error: BenchError) -> None:
+    from testbench.cli.output import say_error, say_json_error
+
+    if _wants_json():
+        say_json_error(error)
+    else:
+        say_error(str(error), getattr(error, "__notes__", []))
 
 
 def _collect_seldom() -> None:
@@ -94,7 +131,7 @@ def _run_without_own_errors(app: Typer) -> int:
     except wrong_arguments as error:
         raise InputError(error.format_message()) from None
     except typer.Abort:
-        return 130
+        return INTERRUPTED
     return code if isinstance(code, int) else 0
 
 

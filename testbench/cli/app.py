@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -23,6 +22,7 @@ from testbench.cli.options import (
     CompareOption,
     FiltersOption,
     JsonOption,
+    NoVerifyOption,
     ProtocolArgument,
     RepeatsOption,
     ReturnedOption,
@@ -36,6 +36,7 @@ from testbench.cli.options import (
     described_by,
     exit_code,
     optional,
+    session_of,
 )
 from testbench.cli.output import (
     in_ranges,
@@ -49,12 +50,10 @@ from testbench.cli.output import (
 )
 from testbench.cli.recording import record
 from testbench.cli.running import run
+from testbench.cli.sessions import sessions
 from testbench.cli.studying import study
 from testbench.cli.tuning import tune
-from testbench.clock import utc_shown
-
-if TYPE_CHECKING:
-    from testbench.records.session.session import Session
+from testbench.cli.verifying import seal, verify
 
 app = typer.Typer(
     help="A robot arm turned into a metrology bench for inertial sensors.",
@@ -167,6 +166,8 @@ app.add_typer(emulate, name="emulate")
 app.command()(design)
 app.command()(study)
 app.command()(tune)
+app.command()(verify)
+app.command()(seal)
 
 
 @app.command()
@@ -176,12 +177,13 @@ def estimate(
     parameters: SetOption = None,
     calibration: CalibrationOption = None,
     tuned: TunedOption = None,
+    no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
     """Align clocks and frames, run the filters, compute joint angles."""
     from testbench.pipeline.kept_estimate import make_estimate
 
-    opened = _open(session)
+    opened = session_of(session, no_verify)
     result = make_estimate(opened, analysis_request(filters, parameters, calibration, tuned))
     rows = [
         [
@@ -223,14 +225,15 @@ def evaluate(
     sequence: SequenceOption = None,
     returned: ReturnedOption = False,
     repeats: RepeatsOption = None,
+    no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
     """Compare the estimates with the truth and judge them."""
     from testbench.pipeline.analyse import judge_again
 
-    opened = _open(session)
+    opened = session_of(session, no_verify)
     asked = analysis_request(filters, parameters, calibration, tuned)
-    wanted = beside(described_by(asked, compare, sequence, returned), repeats)
+    wanted = beside(described_by(asked, compare, sequence, returned), repeats, no_verify)
     result = judge_again(opened, wanted)
     if json:
         say_json(result.to_dict())
@@ -251,14 +254,15 @@ def report(
     sequence: SequenceOption = None,
     returned: ReturnedOption = False,
     repeats: RepeatsOption = None,
+    no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
     """Estimate, evaluate and write report.html anew."""
     from testbench.pipeline.analyse import analyse
 
-    opened = _open(session)
+    opened = session_of(session, no_verify)
     asked = analysis_request(filters, parameters, calibration, tuned)
-    wanted = beside(described_by(asked, compare, sequence, returned), repeats)
+    wanted = beside(described_by(asked, compare, sequence, returned), repeats, no_verify)
     result = analyse(opened, wanted)
     if json:
         say_json(result.to_dict())
@@ -280,13 +284,14 @@ def view(
     screenshot: Annotated[
         Path | None, typer.Option("--screenshot", help="Write a .png instead, without a screen.")
     ] = None,
+    no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
     """Open a session in rerun: the arm, the sensors, their signals and errors."""
     from testbench.pipeline.request import ViewRequest
     from testbench.pipeline.show import show
 
-    opened = _open(session)
+    opened = session_of(session, no_verify)
     wanted = ViewRequest(web=web, save=optional(save), screenshot=optional(screenshot))
     written = show(opened, wanted)
     if json:
@@ -327,70 +332,7 @@ app.command()(formats)
 app.command()(filters)
 
 
-@app.command()
-def sessions(
-    logs: Annotated[Path, typer.Option("--logs", help="Folder that holds the sessions.")] = Path(
-        "logs"
-    ),
-    json: JsonOption = False,
-) -> None:
-    """List the recorded sessions with their status."""
-    from testbench.exceptions import SessionError
-    from testbench.records.results.evaluation import stored_verdict
-    from testbench.records.session.session import damaged_sessions, list_sessions
-
-    rows: list[list[Any]] = []
-    causes: dict[str, str] = {}
-    for session in list_sessions(logs):
-        try:
-            verdict = stored_verdict(session.path)
-            outcome = "-" if verdict is None else str(verdict[0]) if json else verdict[1]
-        except SessionError as error:
-            outcome, causes[session.name] = "damaged", str(error)
-        duration = session.manifest.duration_s
-        rows.append(
-            [
-                session.name,
-                session.manifest.kind,
-                "cut off"
-                if session.status == "running" and not session.is_being_recorded
-                else str(session.status),
-                outcome,
-                duration,
-                session.manifest.started_utc,
-                None if session.manifest.resumes is None else session.manifest.resumes.session,
-            ]
-        )
-    damaged = damaged_sessions(logs)
-    rows += [[name, None, "damaged", "-", None, None, None] for name in damaged]
-    causes |= damaged
-    if json:
-        keys = ["session", "kind", "status", "outcome", "duration_s", "started_utc", "resumes"]
-        found = [dict(zip(keys, row, strict=True)) for row in rows]
-        say_json(
-            {"sessions": [entry | {"damage": causes.get(str(entry["session"]))} for entry in found]}
-        )
-    else:
-        _say_sessions(logs, rows, causes)
-
-
-def _shown(utc: str) -> str:
-    """A stamp of a manifest for people; as it stands where it is none."""
-    try:
-        return utc_shown(datetime.fromisoformat(utc)).removesuffix(" UTC")
-    except ValueError:
-        return utc
-
-
-def _say_sessions(logs: Path, rows: list[list[Any]], causes: dict[str, str]) -> None:
-    """The sessions of a folder as a table, and of the damaged ones why."""
-    columns = ["session", "kind", "status", "outcome", "duration [s]", "started (UTC)", "resumes"]
-    rows = [[*row[:5], row[5] and _shown(row[5]), row[6]] for row in rows]
-    if not any(row[-1] for row in rows):
-        columns, rows = columns[:-1], [row[:-1] for row in rows]
-    say_table(f"Sessions in {logs}", columns, rows)
-    for name, cause in causes.items():
-        say(f"{name} is damaged: {cause}")
+app.command()(sessions)
 
 
 @app.command()
@@ -398,8 +340,9 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
     """Make a session readable whose run was cut off by a kill or a power cut."""
     from testbench.execution.recovery import recover as make_readable
     from testbench.records.session.earlier_steps import unfinished_steps
+    from testbench.records.session.session import Session
 
-    opened = _open(session)
+    opened = Session(session)
     recovered = make_readable(opened)
     message = recovered.manifest.message or "nothing to recover"
     if opened.status != "running":
@@ -430,12 +373,6 @@ def recover(session: SessionArgument, json: JsonOption = False) -> None:
 
 
 options_once(app)
-
-
-def _open(path: Path) -> Session:
-    from testbench.records.session.session import Session
-
-    return Session(path)
 
 
 def _listing(key: str, title: str, entries: dict[str, str], json: bool) -> None:

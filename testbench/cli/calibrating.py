@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from testbench.cli.options import JsonOption, SensorOption
+from testbench.cli.options import JsonOption, NoVerifyOption, SensorOption, session_of
 from testbench.cli.output import say, say_json, say_table
 from testbench.clock import utc_text
 
@@ -87,6 +87,7 @@ def calibrate(
     listed: Annotated[
         bool, typer.Option("--list", callback=_list, is_eager=True, help="List the methods.")
     ] = False,
+    no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
     """Calibrate a sensor from a session: corrections with their uncertainty, judged on poses held
@@ -94,7 +95,6 @@ def calibrate(
     """
     from testbench.pipeline.calibrate import calibrate as make_calibration
     from testbench.pipeline.request import CalibrationRequest
-    from testbench.records.session.session import Session
 
     witness: Any = None if segmentation is None else segmentation.value
     asked = CalibrationRequest(
@@ -106,8 +106,9 @@ def calibrate(
         field_ut=field,
         turn_deg=turn,
         report=not no_report,
+        verify=not no_verify,
     )
-    made = make_calibration(Session(session), asked)
+    made = make_calibration(session_of(session, no_verify), asked)
     if json:
         _say_calibration_json(made)
     else:

@@ -9,10 +9,13 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from testbench.exceptions import ProgramError
 
+SHORTEST_NAME = 4
+"""Characters of a name that is left out of a file: shorter ones are words of the program, too."""
 DEBUG = "TESTBENCH_DEBUG"
 """Environment variable: where it is set to 1, the exception is shown as Python shows it."""
 
@@ -28,7 +31,7 @@ def explain(error: Exception, words: Sequence[str]) -> ProgramError:
     Args:
         error: That was raised.
         words: Of the command line. Only the command and the names of its options are kept: names of
-            files, devices and hosts are nobody's business.
+            files, devices and hosts, and of persons in them, are nobody's business.
 
     Returns:
         One sentence, with the notes of the exception.
@@ -62,7 +65,7 @@ def _content(error: Exception, words: Sequence[str]) -> str:
         "",
         *traceback.format_exception(error),
     ]
-    return _without_home("\n".join(lines))
+    return _without_names("\n".join(lines), words[1:])
 
 
 def _versions() -> dict[str, str]:
@@ -74,12 +77,26 @@ def _versions() -> dict[str, str]:
         return {"python": sys.version}
 
 
-def _without_home(text: str) -> str:
-    """The text with the home folder as `~`: its name is mostly that of a person."""
-    try:
-        homes = {str(Path.home()), str(Path.home().resolve())}
-    except (RuntimeError, OSError):
-        return text
-    for home in sorted(homes - {"/"}, key=len, reverse=True):
-        text = re.sub(re.escape(home) + r"(?![\w.-])", "~", text)
+def _without_names(text: str, words: Sequence[str]) -> str:
+    """The text without what was typed, the home folder, where the command ran, and on which host:
+    their names are mostly those of persons, participants or projects.
+    """
+    for name, shown in _names(words).items():
+        text = re.sub(rf"(?<![\w.-]){re.escape(name)}(?![\w.-])", shown, text)
     return text
+
+
+def _names(words: Sequence[str]) -> dict[str, str]:
+    """What must not be told, and what stands for it, the longest first."""
+    found = {platform.node(): "HOST"}
+    with suppress(RuntimeError, OSError):
+        found |= dict.fromkeys(map(str, (Path.home(), Path.home().resolve())), "~")
+    with suppress(OSError):
+        found[str(Path.cwd())] = "."
+    for number, word in enumerate(words, 1):
+        value = word.partition("=")[2] if word.startswith("--") else word
+        if not word.startswith("-") or value:
+            whole = {value, str(Path(value).absolute()), Path(value).name}
+            found |= dict.fromkeys(whole, f"ARGUMENT_{number}")
+    told = {name: shown for name, shown in found.items() if len(name) >= SHORTEST_NAME}
+    return dict(sorted(told.items(), key=lambda one: len(one[0]), reverse=True))

@@ -10,10 +10,12 @@ import typer
 
 from testbench.cli.options import (
     JsonOption,
+    NoVerifyOption,
     SessionArgument,
     SetOption,
     filter_parameters,
     optional,
+    session_of,
 )
 from testbench.cli.output import say, say_json
 
@@ -80,12 +82,12 @@ def export(
     ] = OpenSimModel.rajagopal,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier export.")] = False,
     parameters: SetOption = None,
+    no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
     """Write a session in a format that other programs read."""
     from testbench.pipeline.exports import export as write_export
     from testbench.pipeline.request import ExportRequest
-    from testbench.records.session.session import Session
 
     where: Any = frame.value
     coordinates: Any = model.value
@@ -98,7 +100,7 @@ def export(
         model=coordinates,
         force=force,
     )
-    result = write_export(Session(session), asked)
+    result = write_export(session_of(session, no_verify), asked)
     if json:
         say_json(
             {

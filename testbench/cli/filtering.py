@@ -34,10 +34,11 @@ def filters(
 
 
 def _self_test(names: list[str], json: bool) -> None:
-    """Test filters and print a table; exit with 1 if one fails that is not known to."""
+    """Test filters and print a table; a refusal if one fails that is not known to."""
     from testbench.estimation.filters import FILTERS
     from testbench.estimation.filters.plugins import find_filter, installed_filters
     from testbench.estimation.filters.self_test import self_test
+    from testbench.exceptions import InputError
 
     everything = [name for name, kind in FILTERS.items() if kind.needs != ("device_q",)] + list(
         installed_filters()
@@ -75,7 +76,7 @@ def _self_test(names: list[str], json: bool) -> None:
         ]
         say_table("Self-test", ["filter", "outcome", "reason"], rows)
     if failed:
-        raise typer.Exit(1)
+        raise typer.Exit(InputError.exit_code)
 
 
 def _outcome(passed: bool) -> str:

@@ -10,9 +10,11 @@ import typer
 from testbench.cli.options import (
     CalibrationOption,
     JsonOption,
+    NoVerifyOption,
     SessionArgument,
     SetOption,
     filter_parameters,
+    session_of,
 )
 from testbench.cli.output import say, say_findings, say_json, say_table
 
@@ -107,12 +109,13 @@ def gait(
     no_report: Annotated[
         bool, typer.Option("--no-report", help="Do not write report.html anew.")
     ] = False,
+    no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Strides, gait events, step lengths and the path of somebody who walked. Exit code 1: none."""
+    """Strides, gait events, step lengths and the path of somebody who walked. Exit code 2: none."""
+    from testbench.exceptions import InputError
     from testbench.pipeline.gait import make_gait
     from testbench.pipeline.request import GaitRequest
-    from testbench.records.session.session import Session
 
     chosen: Any = floor.value
     asked = GaitRequest(
@@ -128,7 +131,7 @@ def gait(
         corners_m=_corners(corners),
         report=not no_report,
     )
-    made = make_gait(Session(session), asked)
+    made = make_gait(session_of(session, no_verify), asked)
     if json:
         say_json(_told(made.result) | {"report": str(made.report) if made.report else None})
     else:
@@ -136,7 +139,7 @@ def gait(
         if made.report:
             say(f"report: {made.report}")
     if not any(own.strides for own in made.result.sensors.values()):
-        raise typer.Exit(1)
+        raise typer.Exit(InputError.exit_code)
 
 
 def _told(found: Gait) -> dict[str, Any]:

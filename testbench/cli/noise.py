@@ -7,7 +7,13 @@ from typing import Annotated
 
 import typer
 
-from testbench.cli.options import JsonOption, SensorOption, optional
+from testbench.cli.options import (
+    JsonOption,
+    NoVerifyOption,
+    SensorOption,
+    optional,
+    session_of,
+)
 from testbench.cli.output import say, say_json, say_noise
 
 
@@ -27,14 +33,15 @@ def noise(
             "ranges.",
         ),
     ] = None,
+    no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Noise at rest in data-sheet units; --out keeps it as a sensor preset. Exit code 1: none."""
+    """Noise at rest in data-sheet units; --out keeps it as a sensor preset. Exit code 2: none."""
+    from testbench.exceptions import InputError
     from testbench.pipeline.noise import measure_noise
     from testbench.pipeline.request import NoiseRequest
-    from testbench.records.session.session import Session
 
-    opened = Session(session)
+    opened = session_of(session, no_verify)
     found = measure_noise(opened, NoiseRequest(sensor=sensor, out=optional(out), like=like))
     if json:
         say_json(
@@ -55,4 +62,4 @@ def noise(
         if out is not None:
             say(f"written: {out}; name it in a protocol beside it as preset: {out.name}")
     if not found.rows:
-        raise typer.Exit(1)
+        raise typer.Exit(InputError.exit_code)

@@ -9,6 +9,7 @@ import typer
 
 if TYPE_CHECKING:
     from testbench.pipeline.request import AnalysisRequest
+    from testbench.records.session.session import Session
 
 
 def complete_protocol(incomplete: str) -> list[str]:
@@ -111,9 +112,26 @@ ReturnedOption = Annotated[
         "error.",
     ),
 ]
+NoVerifyOption = Annotated[
+    bool,
+    typer.Option(
+        "--no-verify", help="Take raw files as they are, whatever hashes the manifest states."
+    ),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON object instead of tables.")
 ]
+
+
+def session_of(path: Path, no_verify: bool = False) -> Session:
+    """The session of a command, whose raw files are what was recorded unless nobody asks.
+
+    Raises:
+        SessionError: The folder is no session, or raw files differ from its hashes.
+    """
+    from testbench.records.session.raw_files import open_for_analysis
+
+    return open_for_analysis(path, not no_verify)
 
 
 def entries_of(text: str | None) -> tuple[str, ...] | None:
@@ -168,9 +186,12 @@ def analysis_request(
     )
 
 
-def beside(asked: AnalysisRequest, repeats: Path | None) -> AnalysisRequest:
+def beside(
+    asked: AnalysisRequest, repeats: Path | None, no_verify: bool = False
+) -> AnalysisRequest:
     """A request with a folder of further sessions of the same protocol."""
-    return asked.model_copy(update={"repeats": None if repeats is None else str(repeats)})
+    update = {"repeats": None if repeats is None else str(repeats), "verify": not no_verify}
+    return asked.model_copy(update=update)
 
 
 def described_by(

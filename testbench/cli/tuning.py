@@ -10,6 +10,7 @@ import typer
 from testbench.cli.options import (
     CalibrationOption,
     JsonOption,
+    NoVerifyOption,
     SetOption,
     entries_of,
     filter_parameters,
@@ -81,6 +82,7 @@ def tune(
     ] = False,
     start: SetOption = None,
     calibration: CalibrationOption = None,
+    no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
     """Find the parameters of a filter that suit sessions best, each alone and all together."""
@@ -104,6 +106,7 @@ def tune(
         points=points,
         refinement=not no_refinement,
         calibrations=optional(calibration),
+        verify=not no_verify,
     )
     found = find_parameters(asked, Watcher(say=teller(json)))
     if json:

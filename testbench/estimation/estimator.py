@@ -134,9 +134,11 @@ def _prepared(
     """Sensors of a session, opened and prepared.
 
     Raises:
-        SessionError: One has too few samples.
+        SessionError: There is none, or one has too few samples.
     """
     found = {}
+    if not session.sensor_names:
+        raise SessionError(f"{session.path}: its manifest names no sensors")
     for name in names:
         recording = SensorRecording.of(session, name)
         if recording.raw.count < LEAST_SAMPLES:

@@ -8,6 +8,7 @@ from testbench.evaluation.time_lines import JudgedMotion
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.joint_angle import flexion_of, joint_angle_series
+from testbench.model.statistics.intervals import gradient
 from testbench.records.specs.joint_definition import FlexionAngle
 
 
@@ -46,7 +47,7 @@ def judged_motion(time_ns: np.ndarray, angle: np.ndarray, judged: list[np.ndarra
         judged: Rows of each step, none empty, shape (rows of the step,) each.
     """
     degrees = np.degrees(angle)
-    rate = np.gradient(degrees, time_ns / NANOSECONDS)
+    rate = gradient(degrees, time_ns / NANOSECONDS)
     every = np.concatenate(judged)
     sizes = np.array([len(rows) for rows in judged])
     starts = np.cumsum(sizes) - sizes

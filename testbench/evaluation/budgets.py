@@ -41,6 +41,7 @@ from testbench.evaluation.uncertainty import (
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
+from testbench.model.statistics.intervals import gradient
 from testbench.model.truth import truth_at
 from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.estimate import ClockFit, Estimate, SensorEstimate
@@ -206,8 +207,9 @@ def flexion_time_sd(session: Session, estimate: Estimate, errors: JointErrors) -
     """
     if errors.clock is not None:
         return float(np.nan_to_num(errors.clock.offset_sd_s))
-    rates = np.gradient(errors.turned, errors.time_ns / NANOSECONDS, axis=0)
-    moved = np.nanmean(rates[np.concatenate([rows for _, rows in errors.steps])] ** 2, axis=0)
+    rates = gradient(errors.turned, errors.time_ns / NANOSECONDS)
+    squares = rates[np.concatenate([rows for _, rows in errors.steps])] ** 2
+    moved = np.nansum(squares, axis=0) / np.maximum(np.isfinite(squares).sum(axis=0), 1)
     doubt = TimeDoubt.of(session, estimate)
     known = [doubt.sd(estimate, name) for name in (errors.joint.proximal, errors.joint.distal)]
     return float(np.sqrt(np.sum(moved * np.square(known)) / max(float(moved.sum()), 1e-300)))

@@ -13,6 +13,7 @@ import numpy as np
 
 from testbench.evaluation.flexion import JointErrors
 from testbench.frames import NANOSECONDS
+from testbench.model.statistics.intervals import median_interval
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.chain import ChainEstimate
@@ -85,7 +86,7 @@ def cut_cycles(
             borders, (step.settled_ns - step.start_ns) / NANOSECONDS + 1e-6 * period, "right"
         )
     ]
-    edge = min(1.5 * float(np.median(np.diff(time))), WIDEST_GAP * period)
+    edge = min(1.5 * median_interval(time), WIDEST_GAP * period)
     whole = [
         begin
         for begin, end in itertools.pairwise(borders)

@@ -12,6 +12,7 @@ from numba import njit
 
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.statistics.intervals import gradient, median_interval
 from testbench.model.statistics.lasting import lasting_sd
 from testbench.model.windows import moving_mean
 from testbench.records.session.plan import PlannedStep
@@ -97,7 +98,7 @@ def angle_delay(
             return None
         if abs(step) < 1e-6:
             break
-    if len(t) * float(np.median(np.diff(t))) > LONG_S:
+    if len(t) * median_interval(t) > LONG_S:
         residual = y - x @ np.array([gain, step])
         sd = _clustered_sd(x, residual, _runs(np.floor(t / CLUSTER_S) + 1e6 * which))
     else:
@@ -157,7 +158,7 @@ class TrueTurning:
             q_world_from_sensor: True orientations, shape (n, 4).
         """
         rate = rate_in_world(time_ns, q_world_from_sensor)
-        interval = float(np.median(np.diff(time_ns))) / NANOSECONDS if len(time_ns) > 1 else 1.0
+        interval = median_interval(time_ns) / NANOSECONDS if len(time_ns) > 1 else 1.0
         window = max(round(SLOW_S / max(interval, 1e-6)), 3)
         return TrueTurning(
             time_ns, q_world_from_sensor, rate, window, _without_slow(np.nan_to_num(rate), window)
@@ -204,7 +205,7 @@ def orientation_delay(
     delay = -float(products.sum()) / size
     if abs(delay) > _LONGEST_S:
         return None
-    if count * float(np.median(np.diff(time))) <= LONG_S:
+    if count * median_interval(time) <= LONG_S:
         return delay, _axes_sd(time[usable], fast[usable], true.fast_rate[usable])
     scores = products + delay * squares
     return delay, float(np.sqrt(np.sum(scores**2) * (len(scores) / max(len(scores) - 1, 1)))) / size
@@ -231,7 +232,7 @@ def _axes_sd(t: np.ndarray, error: np.ndarray, rate: np.ndarray) -> float:
 
 def _piece_s(t: np.ndarray) -> float:
     """How long the pieces are that short motions are averaged to [s]."""
-    lasted = len(t) * float(np.median(np.diff(t)))
+    lasted = len(t) * median_interval(t)
     return min(lasted / PIECES, LONGEST_PIECE_S)
 
 
@@ -404,7 +405,7 @@ def amplitude_and_frequency(time_ns: np.ndarray, angle: np.ndarray) -> tuple[flo
     """
     if len(angle) < 5 or not np.isfinite(angle).all():
         return None
-    rate = np.gradient(angle, (time_ns - time_ns[0]) / NANOSECONDS)
+    rate = gradient(angle, (time_ns - time_ns[0]) / NANOSECONDS)
     spread = float(angle.std())
     if not spread > 1e-4:
         return None

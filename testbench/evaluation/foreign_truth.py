@@ -7,6 +7,7 @@ import numpy as np
 from testbench.evaluation.sensitivity import flexion_by_turning
 from testbench.evaluation.uncertainty import Stated
 from testbench.model import rotation
+from testbench.model.statistics.intervals import median_interval
 from testbench.model.true_segment import true_segment
 from testbench.model.truth import truth_at
 from testbench.records.results.uncertainty import UncertaintySource
@@ -88,7 +89,7 @@ def step_sd_deg(truth: Truth) -> float:
     if count < 1:
         return 0.0
     first = np.unique(np.linspace(0, count - 1, min(count, MOST_STEPS)).astype(int))
-    usual = 1.5 * float(np.median(np.diff(time)))
+    usual = 1.5 * median_interval(time)
     even = np.maximum(time[first + 1] - time[first], time[first + 2] - time[first + 1]) <= usual
     first = first[even]
     turns = [rotation.turn_between(q[first + i], q[first + i + 1]) for i in (0, 1)]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.evaluation.cycles import LEAST_CYCLES, POINTS, WIDEST_GAP, widest_gap
+from testbench.model.statistics.intervals import median_interval
 from testbench.model.windows import moving_mean
 
 SHORTEST_S = 0.25
@@ -106,7 +107,7 @@ def _on_a_grid(time: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray | None,
     """A signal on an even grid, without its mean and trend."""
     if len(time) < 4 * LEAST_CYCLES:
         return None, signal
-    step = max(float(np.median(np.diff(time))), FINEST_S)
+    step = max(median_interval(time), FINEST_S)
     count = int((time[-1] - time[0]) / step) + 1
     if step <= 0 or count < 4 * LEAST_CYCLES:
         return None, signal
@@ -130,7 +131,7 @@ def find_borders(time: np.ndarray, signal: np.ndarray) -> Borders | None:
     period = period_of(time, signal)
     if period is None:
         return None
-    step = max(float(np.median(np.diff(time))), FINEST_S)
+    step = max(median_interval(time), FINEST_S)
     grid = np.arange(time[0], time[-1], step)
     values = np.interp(grid, time, signal)
     half = max(round(period / 2 / step), 1)  # a mean over it has no second harmonic
@@ -172,7 +173,7 @@ def average_cycle(borders: Borders, time: np.ndarray, signal: np.ndarray) -> Ave
         signal: At those times, finite, shape (n,).
     """
     period = borders.end - borders.begin
-    usual = float(np.median(np.diff(time)))
+    usual = median_interval(time)
     whole = np.array(
         [
             time[0] <= begin

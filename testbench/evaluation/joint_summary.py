@@ -12,6 +12,7 @@ from testbench.evaluation.flexion import JointErrors, Key
 from testbench.evaluation.metrics import correlation, summarise
 from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE, rank_filters
 from testbench.frames import NANOSECONDS
+from testbench.model.statistics.intervals import median_interval
 from testbench.model.statistics.memory import Layout, error_series, layout
 from testbench.records.results.evaluation import JointRow
 from testbench.records.results.evaluation_rows import (
@@ -83,7 +84,7 @@ def _section_summaries(
             found = _summary(errors, key, judged, of_motion, motion, when, time_sd)
             if motion != "dynamic":
                 poses = [row for row in of_motion if row.kind != "sweep"]
-                interval = float(np.median(np.diff(errors.time_ns))) / NANOSECONDS
+                interval = median_interval(errors.time_ns) / NANOSECONDS
                 found = _with_settling(found, poses, interval, time_sd)
             result.append(JointSummary(errors.name, *key, section, motion, found, *expanded))
     return result

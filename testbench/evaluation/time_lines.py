@@ -10,6 +10,7 @@ import numpy as np
 
 from testbench.evaluation.uncertainty import Stated
 from testbench.frames import NANOSECONDS
+from testbench.model.statistics.intervals import median_interval
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import ClockFit, Estimate
@@ -108,7 +109,7 @@ class TimeDoubt:
 
 def _interval(time_ns: np.ndarray) -> float:
     """Median interval [s]; 0 without two samples."""
-    return float(np.median(np.diff(time_ns))) / NANOSECONDS if len(time_ns) > 1 else 0.0
+    return median_interval(time_ns) / NANOSECONDS if len(time_ns) > 1 else 0.0
 
 
 def _arm_doubt(session: Session) -> float:

@@ -37,14 +37,16 @@ def recover(session: Session) -> Session:
     It may be of a run or of devices alone.
 
     Raises:
-        SessionError: It is still being recorded, or the arm's journal is lost, so that there is no
-            truth.
+        SessionError: It is still being recorded, is an import, whose files still exist, or the
+            arm's journal is lost, so that there is no truth.
         StorageError: The disk does not take it; nothing of the recording is lost.
     """
     if session.status is not RunStatus.RUNNING:
         return session
     if session.is_being_recorded:
         raise SessionError(f"{session.path} is still being recorded; stop that run first")
+    if session.manifest.kind == "import":
+        raise SessionError(session.what_to_do_cut_off)
     comfort = (
         f"nothing of the recording is lost; make room, then `testbench recover {session.path}`"
     )

@@ -6,6 +6,7 @@ import difflib
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -14,6 +15,7 @@ from testbench.execution.recovery import recover
 from testbench.records.session.layout import INCLUDED, MANIFEST, PROTOCOL, ROBOT, URDF
 from testbench.records.session.manifest import SensorRecord
 from testbench.records.session.plan import Plan, PlannedStep
+from testbench.records.session.raw_files import Memory, check_raw_files, refuse_changed
 from testbench.records.session.session import RunStatus, Session
 from testbench.records.session.session_writer import deciding_versions, software_versions
 from testbench.records.specs.robot import Robot, load_robot, robot_from_text
@@ -26,14 +28,23 @@ def open_for_resume(path: Path) -> Session:
     """A session that can be gone on with: recovered if it was cut off.
 
     Raises:
-        SessionError: It is no run, was completed, or is still being recorded.
+        SessionError: It is no run, was completed, is still being recorded, or what it recorded was
+            changed since.
     """
     session = Session(path)
     if session.manifest.kind != "run":
         raise SessionError(f"{path} is no run of a protocol; only those can be resumed")
     if session.status is RunStatus.COMPLETED:
         raise SessionError(f"{path} was completed; there is nothing to resume")
-    return recover(session)
+    session = recover(session)
+    checked = check_raw_files(session, Memory.of(session))
+    recorded = {
+        name: what
+        for name, what in checked.problems.items()
+        if name not in {PROTOCOL, ROBOT, URDF} and not name.startswith(INCLUDED)
+    }  # of the texts `differences` tells what is another
+    refuse_changed(session, replace(checked, problems=recorded), remedy="")
+    return session
 
 
 def refuse_other_robot(session: Session, robot: str | Path | None) -> None:

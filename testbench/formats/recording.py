@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,11 @@ from testbench.consistency import Consistency, refuse_contradictions
 from testbench.consistency.doubtful import Belief
 from testbench.consistency.looked import Up
 from testbench.consistency.refused import Refusals
-from testbench.exceptions import FileProblems, Problem, SessionError
+from testbench.exceptions import FileProblems, Problem, StorageError
 from testbench.formats.dates import Recorded
 from testbench.formats.holes import Holes
 from testbench.frames import NANOSECONDS
+from testbench.records.disk.replacing import disk_reason, replaced_folder
 from testbench.records.disk.tables import to_arrow, write_parquet_batches
 from testbench.records.findings.finding import Finding, told_once
 from testbench.records.session.layout import angles_stream, imu_stream, table_file, truth_stream
@@ -27,7 +29,7 @@ from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import IMU_NOTES, ImuSamples, TrueAngles, Truth
 from testbench.records.session.sensor_file import SensorFile
 from testbench.records.session.session import RunStatus, Session, step_events
-from testbench.records.session.session_writer import SessionWriter
+from testbench.records.session.session_writer import SessionWriter, make_folder
 from testbench.records.specs.protocol import Analysis
 
 IMPORTED_NOTES = IMU_NOTES | {
@@ -120,15 +122,15 @@ class Recording:
     angles: dict[str, ImportedAngles] = field(default_factory=dict)
 
 
-# Long by its arguments, and by what is undone where an import is cut off.
 def write_recording(
     recording: Recording, files: list[Path], format_name: str, out: Path, clock: Clock
 ) -> Session:
     """Write a session from a recording.
 
-    Nothing is kept that is not whole: whatever ends the import early also removes the folder, for
-    the source still exists. Whether a sensor's quantities agree is looked at as its samples go by,
-    so that they are read once.
+    Nothing is found under its name that is not whole: it is written beside, and whatever ends the
+    import early leaves nothing, after a kill nothing but what the next import of that name clears
+    away; the source still exists. Whether a sensor's quantities agree is looked at as its samples
+    go by, so that they are read once.
 
     Args:
         recording: What was read.
@@ -140,7 +142,8 @@ def write_recording(
     Raises:
         FileProblems: A file turns out to be malformed after its beginning.
         InputError: The quantities of a sensor cannot be right as they are; says how to settle it.
-        SessionError: The folder exists, or the disk is full.
+        SessionError: The folder exists, or there is no such place.
+        StorageError: The disk does not take it.
     """
     descriptions: dict[str, Any] = {}
     for name, sensor in recording.sensors.items():
@@ -150,62 +153,78 @@ def write_recording(
         if head is None or len(head) == 0:
             raise FileProblems(files[0], [Problem(f"sensor '{name}' has no samples")])
         descriptions[name] = _describe(sensor, head)
-    writer = SessionWriter(
-        out,
-        recording.analysis,
-        descriptions,
-        clock.utc(),
-        {
-            "kind": "import",
-            "format": format_name,
-            "source": [file.name for file in files],
-            "recorded_utc": utc_text(recording.recorded.at) if recording.recorded else None,
-            "recorded_by": recording.recorded.source if recording.recorded else None,
-            "protocol": {"name": recording.name, "purpose": recording.purpose},
-            **_true_angles(recording),
-        },
-    )
+    details = {
+        "kind": "import",
+        "format": format_name,
+        "source": [file.name for file in files],
+        "recorded_utc": utc_text(recording.recorded.at) if recording.recorded else None,
+        "recorded_by": recording.recorded.source if recording.recorded else None,
+        "protocol": {"name": recording.name, "purpose": recording.purpose},
+        **_true_angles(recording),
+    }
+    with _kept_whole(out) as folder:
+        writer = SessionWriter(
+            out, recording.analysis, descriptions, clock.utc(), details, folder=folder
+        )
+        try:
+            _write(writer, recording)
+        finally:
+            writer.abandon()
+    return Session(out)
+
+
+@contextmanager
+def _kept_whole(out: Path) -> Iterator[Path]:
+    """A folder to write a session to, which takes its name once it is whole.
+
+    Raises:
+        SessionError: The name is taken, or there is no such place.
+        StorageError: The disk does not take it.
+    """
+    if not out.parent.exists():
+        make_folder(out.parent)
+    try:
+        with replaced_folder(out, anew=True) as folder:
+            yield folder
+    except OSError as error:
+        raise StorageError(
+            f"{out} cannot be written: {disk_reason(error)}; nothing was kept"
+        ) from None
+
+
+def _write(writer: SessionWriter, recording: Recording) -> None:
+    """Write all that a recording holds, and close the session."""
     findings = list(recording.findings)
     begin, end, counts = np.inf, -np.inf, {}
-    try:
-        for name, text in recording.texts.items():
-            writer.add_text(name, text)
-        for name, sensor in recording.sensors.items():
-            consistency = Consistency()
-            up = Up(sensor.details.get("hemisphere"), by_truth=sensor.truth is not None)
-            refusals = Refusals(_belief(recording.analysis, sensor))
-            path, holes = out / table_file(imu_stream(name)), Holes()
-            counts[name], first, last = _write_samples(
-                path, refusals.watch(consistency.watch(holes.watch(sensor.chunks)))
-            )
-            own = holes.findings() + consistency.findings(up)
-            if recording.answered is not None:
-                refuse_contradictions(name, own, recording.answered)
-            own += refusals.findings(SensorFile(path))
-            findings += [one.at(name) for one in own]
-            begin, end = min(begin, first), max(end, last)
-            findings += [found.at(name) for found in (*sensor.findings, *sensor.told())]
-            if sensor.truth is not None:
-                writer.add_table(truth_stream(name), sensor.truth.to_columns(), TRUTH_NOTES)
-        for name, joint in recording.angles.items():
-            writer.add_table(angles_stream(name), joint.true.to_columns(), ANGLE_NOTES)
-        for event in step_events(recording.steps):
-            writer.event(event)
-        writer.close(
-            RunStatus.COMPLETED,
-            duration_s=float(end - begin) / NANOSECONDS,
-            samples=counts,
-            findings=told_once(findings),
+    for name, text in recording.texts.items():
+        writer.add_text(name, text)
+    for name, sensor in recording.sensors.items():
+        consistency = Consistency()
+        up = Up(sensor.details.get("hemisphere"), by_truth=sensor.truth is not None)
+        refusals = Refusals(_belief(recording.analysis, sensor))
+        path, holes = writer.path / table_file(imu_stream(name)), Holes()
+        counts[name], first, last = _write_samples(
+            path, refusals.watch(consistency.watch(holes.watch(sensor.chunks)))
         )
-    except OSError as error:
-        writer.discard()
-        raise SessionError(
-            f"{out} cannot be written: {error.strerror or error}; nothing was kept"
-        ) from None
-    except BaseException:
-        writer.discard()
-        raise
-    return Session(out)
+        own = holes.findings() + consistency.findings(up)
+        if recording.answered is not None:
+            refuse_contradictions(name, own, recording.answered)
+        own += refusals.findings(SensorFile(path))
+        findings += [one.at(name) for one in own]
+        begin, end = min(begin, first), max(end, last)
+        findings += [found.at(name) for found in (*sensor.findings, *sensor.told())]
+        if sensor.truth is not None:
+            writer.add_table(truth_stream(name), sensor.truth.to_columns(), TRUTH_NOTES)
+    for name, joint in recording.angles.items():
+        writer.add_table(angles_stream(name), joint.true.to_columns(), ANGLE_NOTES)
+    for event in step_events(recording.steps):
+        writer.event(event)
+    writer.close(
+        RunStatus.COMPLETED,
+        duration_s=float(end - begin) / NANOSECONDS,
+        samples=counts,
+        findings=told_once(findings),
+    )
 
 
 def _true_angles(recording: Recording) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbench.frames import NANOSECONDS
+from testbench.model.statistics.intervals import median_interval
 from testbench.model.windows import savitzky_golay
 from testbench.records.session.samples import ArmSamples
 
@@ -35,7 +36,7 @@ class Smoothing:
         """
         return Smoothing.at(
             len(time_ns),
-            float(np.median(np.diff(time_ns))) / NANOSECONDS if len(time_ns) > 1 else 0.0,
+            median_interval(time_ns) / NANOSECONDS if len(time_ns) > 1 else 0.0,
         )
 
     @staticmethod

@@ -14,6 +14,7 @@ from testbench.exceptions import InputError
 from testbench.pipeline.request import CalibrationRequest
 from testbench.records.results.calibration_file import SUFFIXES, save_calibration
 from testbench.records.results.calibration_result import CalibrationResult
+from testbench.records.session.raw_files import open_for_analysis
 from testbench.records.session.session import Session
 
 
@@ -47,13 +48,13 @@ def calibrate(session: Session, asked: CalibrationRequest) -> MadeCalibration:
     page = file.with_suffix(".html")
     for target in (file, page) if asked.report else (file,):
         if target.exists():
-            raise InputError(f"{target} exists already; calibrations are kept, not replaced")
+            raise InputError(f"{target} exists already; {_why_kept(file, page, asked.report)}")
     result = calibrate_sensor(
         session,
         sensor,
         asked.methods,
         asked.segmentation,
-        [Session(Path(path)) for path in asked.held_out],
+        [open_for_analysis(path, asked.verify) for path in asked.held_out],
         None if asked.field_ut is None else np.array(asked.field_ut),
         None if asked.turn_deg is None else float(np.radians(asked.turn_deg)),
     )
@@ -67,6 +68,14 @@ def calibrate(session: Session, asked: CalibrationRequest) -> MadeCalibration:
 
         calibration_report(result, page)
     return MadeCalibration(result, file, page if asked.report else None)
+
+
+def _why_kept(file: Path, page: Path, report: bool) -> str:
+    """Why an earlier calibration stays, and what to do where its report was never written."""
+    kept = "calibrations are kept, not replaced"
+    if report and file.exists() and not page.exists():
+        return f"{kept}. It is whole, but has no report: move it away to have both made again"
+    return kept
 
 
 def only_sensor(session: Session, name: str | None) -> str:

@@ -134,7 +134,7 @@ def _write(source: ExportSource, asked: ExportRequest, path: Path) -> Exported:
 def _write_recording(source: ExportSource, path: Path) -> list[str]:
     import testbench.reporting.viewer as viewer
 
-    viewer.save_recording(
+    viewer.write_recording(
         source.session, path, source.estimate, evaluate(source.session, source.estimate)
     )
     return []

@@ -53,7 +53,8 @@ def analysis_to_go_on(session: Session, asked: AnalysisRequest) -> AnalysisReque
             either of the two does without is not written.
 
     Raises:
-        SessionError: What the manifest says of it is damaged.
+        SessionError: What the manifest says of it is damaged, or would run code or write elsewhere
+            unless a person says so again.
     """
     try:
         kept = AnalysisRequest.model_validate_json(json.dumps(session.manifest.analysis_request))
@@ -64,12 +65,33 @@ def analysis_to_go_on(session: Session, asked: AnalysisRequest) -> AnalysisReque
     default = AnalysisRequest()
     chosen = any(getattr(asked, name) != getattr(default, name) for name in CHOICES)
     choice = {name: getattr(asked if chosen else kept, name) for name in CHOICES}
+    if not chosen:
+        named = [*(kept.filters or ()), kept.compare or ""]
+        _refuse_outside(session, [name for name in named if _is_code(name)], "filter")
+    if not asked.exports:
+        _refuse_outside(session, [own.out for own in kept.exports if own.out], "export to")
+        named = [own.filter or "" for own in kept.exports]
+        _refuse_outside(session, [name for name in named if _is_code(name)], "export by filter")
     return AnalysisRequest(
         **choice,
         repeats=asked.repeats or kept.repeats,
         report=asked.report and kept.report,
         exports=asked.exports or kept.exports,
     )
+
+
+def _refuse_outside(session: Session, named: list[str], what: str) -> None:
+    """Refuse to run or write what only a manifest names, which may be anybody's."""
+    if named:
+        raise SessionError(
+            f"{session.path}: its manifest names the {what} {', '.join(named)}, outside of the "
+            "session; name it again, and it is taken"
+        )
+
+
+def _is_code(name: str) -> bool:
+    """Whether a filter is a class in a file."""
+    return name.rpartition(":")[0].endswith(".py")
 
 
 def _whole(path: str) -> str:
@@ -79,7 +101,7 @@ def _whole(path: str) -> str:
 def _whole_class(name: str) -> str:
     """A filter's name; of a class in a file, `path/to/file.py:ClassName`, with the whole path."""
     file, colon, kind = name.rpartition(":")
-    return f"{_whole(file)}{colon}{kind}" if file.endswith(".py") else name
+    return f"{_whole(file)}{colon}{kind}" if _is_code(name) else name
 
 
 def _whole_export(asked: ExportRequest) -> ExportRequest:

@@ -7,13 +7,14 @@ from pathlib import Path
 from testbench.evaluation import evaluate
 from testbench.evaluation.repeatability import content_of, why_unequal
 from testbench.evaluation.repeats import with_repeats
-from testbench.exceptions import InputError
+from testbench.exceptions import InputError, SessionError
 from testbench.pipeline.kept_estimate import is_as_asked, stored_estimate
 from testbench.pipeline.loaded_analysis import LoadedAnalysis
 from testbench.records.findings.catalogue import finding
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.evaluation_rows import RepeatedSession
+from testbench.records.session.raw_files import open_for_analysis
 from testbench.records.session.session import Session, damaged_sessions, list_sessions
 
 
@@ -46,7 +47,8 @@ def judged_with_repeats(
     for other in list_sessions(folder):
         if other.path.resolve() == session.path.resolve():
             continue
-        why = why_unequal(session, other, known)
+        why = _why_changed(other) if loaded.asked.verify else ""
+        why = why or why_unequal(session, other, known)
         own = None if why else _estimate(other, loaded)
         if own is not None and own.filter_parameters != estimated.filter_parameters:
             why = "its filters, or their parameters, are others; run `testbench estimate` on both"
@@ -70,6 +72,15 @@ def judged_with_repeats(
     if part is not None:
         found.findings.append(finding("repeats.one_part", part=part))
     return found
+
+
+def _why_changed(other: Session) -> str:
+    """Which of its raw files are not what was recorded; "" where all are."""
+    try:
+        open_for_analysis(other.path)
+    except SessionError as error:
+        return str(error)
+    return ""
 
 
 def _record(session: Session) -> RepeatedSession:

@@ -126,6 +126,11 @@ class AnalysisRequest(Asked):
         description="Folder with further sessions of the same protocol, whose scatter tells what "
         "another part, mounting or power-up changes.",
     )
+    verify: bool = Field(
+        default=True,
+        description="Whether raw files of the sessions that are named here are compared with the "
+        "hashes of their manifests first.",
+    )
     report: bool = Field(default=True, description="Whether to write report.html.")
     exports: tuple[ExportRequest, ...] = Field(
         default=(),
@@ -176,6 +181,11 @@ class CalibrationRequest(Asked):
         "negative: clockwise, against the axis.",
     )
     report: bool = Field(default=True, description="Whether to write an HTML report beside it.")
+    verify: bool = Field(
+        default=True,
+        description="Whether raw files of `held_out` are compared with the "
+        "hashes of their manifests first.",
+    )
 
 
 class NoiseRequest(Asked):
@@ -270,6 +280,11 @@ class TuneRequest(Asked):
     )
     refinement: bool = Field(default=True, description="Whether Nelder-Mead follows the grid.")
     calibrations: Place | None = Field(default=None, description="As for an analysis.")
+    verify: bool = Field(
+        default=True,
+        description="Whether raw files of the sessions are compared with the "
+        "hashes of their manifests first.",
+    )
 
 
 class StudyRequest(Asked):

@@ -35,6 +35,7 @@ from testbench.records.results.tuning import (
     refuse_file,
     refuse_repeated,
 )
+from testbench.records.session.raw_files import open_for_analysis
 from testbench.records.session.session import Session
 from testbench.records.session.session_writer import software_versions
 
@@ -182,9 +183,10 @@ def _compared(asked: TuneRequest, kind: OrientationFilter) -> OrientationFilter 
 
 def _divided(asked: TuneRequest) -> Sessions:
     """The sessions of a request, opened and told apart."""
-    sessions = [Session(Path(path)) for path in asked.sessions]
+    sessions = [open_for_analysis(path, asked.verify) for path in asked.sessions]
     if asked.test_share is None:
-        return Sessions.given(sessions, [Session(Path(path)) for path in asked.test])
+        test = [open_for_analysis(path, asked.verify) for path in asked.test]
+        return Sessions.given(sessions, test)
     if asked.test:
         raise InputError("--test names the sessions to test on, --test-share draws them: not both")
     return Sessions.drawn(sessions, asked.test_share, asked.seed)

@@ -27,7 +27,6 @@ from testbench.records.specs.robot import Robot
 
 MOST_COMMANDS = 100_000
 LONGEST_DURATION_S = 24 * 3600.0
-LONGEST_SWEEP_S = 3600.0
 LARGEST_ANGLE_DEG = 36_000.0
 """A hundred turns: beyond it a joint without limits is not meant."""
 HIGHEST_FREQUENCY_HZ = 20.0
@@ -333,10 +332,10 @@ class _Expander:
         else:
             assert sweep.trapezoid is not None  # Sweep holds one of the three
             command = _trapezoid(column, sweep.trapezoid, value, cycles)
-        if command.duration > LONGEST_SWEEP_S:
+        if command.duration > LONGEST_DURATION_S:
             raise self._error(
                 f"the sweep would last {command.duration:.6g} s, more than the "
-                f"{LONGEST_SWEEP_S:g} s allowed",
+                f"{LONGEST_DURATION_S:g} s allowed",
                 *path,
                 *where,
             )

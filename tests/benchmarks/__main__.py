@@ -15,6 +15,7 @@ from tests.benchmarks.physics import bench_physics
 from tests.benchmarks.pipeline import bench_pipeline
 from tests.benchmarks.startup import bench_startup
 from tests.benchmarks.static_calibration import bench_static_calibration
+from tests.benchmarks.verification import bench_verification
 
 
 def main() -> int:
@@ -34,6 +35,7 @@ def main() -> int:
     bench_static_calibration()
     bench_physics()
     bars += bench_startup()
+    bench_verification()
     bench_long_campaign()
     kept = show_bars(bars)
     print(f"\n{time.perf_counter() - begin:.0f} s in all")

@@ -8,8 +8,11 @@ import sys
 from collections.abc import Callable
 
 from tests.benchmarks.coverage import bench_coverage
+from tests.benchmarks.crash_points import bench_crash_points
 from tests.benchmarks.crashes import bench_crashes
+from tests.benchmarks.damaged_sessions import bench_damaged_sessions
 from tests.benchmarks.faults import bench_faults
+from tests.benchmarks.full_disks import bench_full_disks
 from tests.benchmarks.intervals import bench_intervals
 from tests.benchmarks.joints_of_people import bench_joints
 from tests.benchmarks.lack_of_fit import bench_lack_of_fit
@@ -23,6 +26,9 @@ CAMPAIGNS: list[Callable[[], bool]] = [
     bench_intervals,
     bench_coverage,
     bench_crashes,
+    bench_crash_points,
+    bench_full_disks,
+    bench_damaged_sessions,
     bench_faults,
     bench_joints,
     bench_lack_of_fit,

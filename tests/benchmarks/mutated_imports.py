@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
-import functools
-import io
-import json
 import os
 import random
 import shutil
 import sys
 import tempfile
 import time
-import warnings
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pytest
-import typer
-
-from testbench.cli.crash import DEBUG
+from tests.benchmarks.commands import run_command
 from tests.benchmarks.foreign_kinds import KINDS, Kind
 from tests.benchmarks.resuming import count_of, resumed
 from tests.benchmarks.timing import Text, show
-from tests.command_line import command
 from tests.system.mutations import mutate_bytes, mutate_text
 
 COUNT = 10_000
@@ -159,7 +150,9 @@ def _outcome(kind: Kind, more: Words) -> tuple[int, str]:
     """
     words = [*kind.words, "--out", "session"]
     if kind.format == "--guess":
-        code, failure = _run("import", "--guess", *kind.words, "--out", "guessed.yaml", *more)
+        code, failure = run_command(
+            "import", "--guess", *kind.words, "--out", "guessed.yaml", *more
+        )
         if failure or code:
             return 0, failure
         if not Path("guessed.yaml").exists():
@@ -173,66 +166,12 @@ def _outcome(kind: Kind, more: Words) -> tuple[int, str]:
         ["report", "session"],
     )
     for reached, command_words in enumerate(commands):
-        code, failure = _run(*command_words, *more)
+        code, failure = run_command(*command_words, *more)
         if failure or code:
             if reached == 0 and Path("session").exists():
                 failure = failure or "a refused import left a session"
             return reached, failure
     return len(commands), ""
-
-
-_commands = functools.cache(typer.main.get_command)
-
-
-def _run(*words: str) -> tuple[int, str]:
-    """Exit code of a command, and what is wrong with how it ended.
-
-    The commands are put together once, and what is written need not survive: both would take
-    longer than the rest.
-    """
-    said, told = io.StringIO(), io.StringIO()
-    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
-        patch.setenv(DEBUG, "1")
-        patch.setattr(typer.main, "get_command", _commands)
-        patch.setattr(os, "fsync", lambda _: None)
-        warnings.simplefilter("error")
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(told):
-            try:
-                code = command(*words)
-            except Exception as error:
-                place = error.__traceback__
-                while place is not None and place.tb_next is not None:
-                    place = place.tb_next
-                where = "" if place is None else f"{place.tb_frame.f_code.co_filename[-60:]}"
-                line = 0 if place is None else place.tb_lineno
-                what = f"{type(error).__name__}: {error}"[:300]
-                return 70, f"{words[0]}: {what} ({where}:{line})"
-    if "--json" in words:
-        return code, _wrong_json(words[0], code, said.getvalue(), told.getvalue())
-    return code, _wrong(words[0], code, told.getvalue())
-
-
-def _wrong(stage: str, code: int, told: str) -> str:
-    """What is wrong with an exit code and what was told with it."""
-    if code not in (0, 2) or "Traceback" in told or "Warning" in told:
-        return f"{stage}: exit code {code}: {told[:300]}"
-    if code == 0 or (told.startswith("error: ") and len(told.strip()) > 20):
-        return ""
-    return f"{stage}: refused in the words {told[:300]!r}"
-
-
-def _refused(constant: str) -> None:
-    raise ValueError(f"{constant} is not of JSON")
-
-
-def _wrong_json(stage: str, code: int, said: str, told: str) -> str:
-    """The same where objects were asked for."""
-    text = told if code else said
-    try:
-        json.loads(text, parse_constant=_refused)
-    except ValueError as error:
-        return f"{stage}: no JSON, {error}: {text[:200]}"
-    return "" if code in (0, 2) else f"{stage}: exit code {code}: {told[:300]}"
 
 
 if __name__ == "__main__":

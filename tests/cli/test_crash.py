@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+import typer
 
 from testbench.pipeline import prepared
 from tests.command_line import command
@@ -75,5 +81,49 @@ def test_a_reader_that_goes_away_is_no_fault(broken, monkeypatch):
         raise BrokenPipeError
 
     monkeypatch.setattr(prepared, "make_plan", gone)
-    assert command("check", "quick") == 1
+    assert command("check", "quick") == 128 + signal.SIGPIPE
     assert not list(broken.iterdir())
+
+
+def test_one_is_the_exit_code_of_a_broken_limit_alone(broken, monkeypatch):
+    """What typer itself would end by 1."""
+    ends = {BrokenPipeError(errno.EPIPE, "gone"): 141, typer.Abort(): 130, KeyboardInterrupt(): 130}
+    for raised, code in ends.items():
+
+        def ends_so(asked, raised=raised):
+            raise raised
+
+        monkeypatch.setattr(prepared, "make_plan", ends_so)
+        for more in ((), ("--json",)):
+            assert command("check", "quick", *more) == code
+    assert not list(broken.iterdir())
+
+
+def test_a_reader_that_takes_no_more_is_told_by_the_exit_code():
+    words = [sys.executable, "-m", "testbench", "robots"]
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "wb") as gone:
+        done = subprocess.run(words, stdout=gone, stderr=subprocess.PIPE, check=False)
+    assert (done.returncode, done.stderr) == (141, b"")
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, check=False)
+    assert (done.returncode, done.stderr) == (3, b"error: there is no room left on the disk\n")
+
+
+def test_the_file_names_nobody_and_nothing_that_was_typed(broken, monkeypatch, tmp_path):
+    """Sessions are called after participants, and folders after projects."""
+    session = tmp_path / "ada_lovelace_visit_2"
+    monkeypatch.setattr("platform.node", lambda: "pc-of-ada")
+    secret = f"{session}/imu_left.parquet of pc-of-ada"
+
+    def fails(asked):
+        raise ValueError(f"cannot read {secret}, here {Path.cwd()}/x")
+
+    monkeypatch.setattr(prepared, "make_plan", fails)
+    monkeypatch.chdir(tmp_path)
+    assert command("check", session) == 70
+    (file,) = broken.iterdir()
+    content = file.read_text()
+    assert "ValueError: cannot read ARGUMENT_1/imu_left.parquet of HOST, here ./x" in content
+    assert str(tmp_path) not in content and "visit" not in content

@@ -66,7 +66,7 @@ def test_why_a_short_recording_has_no_noise_is_said(session, capsys):
     for name, note in zip(names, found.notes, strict=True):
         assert note.startswith(f"sensor {name}: no noise was measured, for that takes a rest of 10")
         assert 0.5 < float(note.split()[-2]) < 10
-    assert command("noise", session.path, "--json") == 1
+    assert command("noise", session.path, "--json") == 2
     assert json.loads(capsys.readouterr().out)["notes"] == found.notes
 
 

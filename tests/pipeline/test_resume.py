@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import signal
@@ -102,11 +103,34 @@ def test_files_are_kept_by_their_whole_paths_and_a_damaged_entry_is_refused(
     )
     session = broken_off(tiny, tmp_path / "logs", analysis("own.py:Own"))
     monkeypatch.chdir("/")
-    kept = prepare(going_on(session.path)).analysis
-    assert kept.asked.filters == (f"{tmp_path}/own.py:Own",)
+    assert Session(session.path).manifest.analysis_request["filters"] == [f"{tmp_path}/own.py:Own"]
+    again = Request(
+        run=RunRequest(resume=session.path), analysis=analysis(f"{tmp_path}/own.py:Own")
+    )
+    assert prepare(again).analysis.asked.filters == (f"{tmp_path}/own.py:Own",)
     change(session, lambda content: content["analysis_request"].update(filters=7))
     with pytest.raises(SessionError, match="the analysis_request is damaged: filters: must be"):
         prepare(going_on(session.path))
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        {"filters": ["{}/evil.py:Evil"]},
+        {"compare": "{}/evil.py:Evil"},
+        {"exports": [{"format": "csv", "out": "{}/home", "force": True}]},
+        {"exports": [{"format": "mcap", "filter": "{}/evil.py:Evil"}]},
+    ],
+)
+def test_a_session_of_a_stranger_runs_no_code_and_writes_nowhere_else(tiny, tmp_path, kept):
+    evil, home = tmp_path / "evil.py", tmp_path / "home"
+    evil.write_text(f"from pathlib import Path\nPath({str(tmp_path / 'ran')!r}).touch()\n")
+    session = broken_off(tiny, tmp_path / "logs", OTHER)
+    named = json.loads(json.dumps(kept).replace("{}", str(tmp_path)))
+    change(session, lambda content: content.update(analysis_request=named))
+    with pytest.raises(SessionError, match="outside of the session; name it again"):
+        run(going_on(session.path), Watcher(FakeClock()))
+    assert not home.exists() and not (tmp_path / "ran").exists()
 
 
 def test_the_line_that_goes_on_names_the_analysis_too():

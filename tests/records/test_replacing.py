@@ -7,7 +7,7 @@ import signal
 import stat
 import subprocess
 import sys
-from errno import ENOSPC
+from errno import EACCES, EDQUOT, EFBIG, EIO, EISDIR, ENAMETOOLONG, ENOSPC, ENOTDIR, EROFS
 from pathlib import Path
 
 import pytest
@@ -184,6 +184,48 @@ def test_a_full_disk_is_told_in_the_same_words_everywhere(guarded, tmp_path):
         guarded(tmp_path / "out"),
     ):
         raise OSError(ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize(
+    ("number", "kind", "said"),
+    [
+        (ENOSPC, StorageError, "there is no room left on the disk"),
+        (EDQUOT, StorageError, "the quota of this disk is used up"),
+        (EFBIG, StorageError, "it would be larger than a file may be here"),
+        (EROFS, StorageError, "the disk is read-only"),
+        (EACCES, StorageError, "the folder may not be written to"),
+        (EIO, StorageError, "Input/output error"),
+        (ENOTDIR, InputError, "Not a directory"),
+        (EISDIR, InputError, "Is a directory"),
+        (ENAMETOOLONG, InputError, "File name too long"),
+    ],
+)
+def test_what_the_disk_refuses_is_no_fault_of_whoever_named_the_place(tmp_path, number, kind, said):
+    expected = pytest.raises(kind, match=f"out cannot be written: {said}$")
+    with expected as told, stored_where_asked(tmp_path / "out"):
+        raise OSError(number, os.strerror(number))
+    assert told.value.exit_code == (3 if kind is StorageError else 2)
+
+
+def test_a_secret_is_for_its_owner_from_its_first_byte_on(tmp_path):
+    with replaced_file(tmp_path / "key", mode=0o600) as partial:
+        assert stat.S_IMODE(partial.stat().st_mode) == 0o600
+        partial.write_text("secret")
+    assert stat.S_IMODE((tmp_path / "key").stat().st_mode) == 0o600
+
+
+def test_a_folder_that_is_made_anew_takes_nobody_elses_place(tmp_path):
+    with replaced_folder(tmp_path / "made", anew=True) as folder:
+        (folder / "file").write_text("whole")
+    assert (tmp_path / "made" / "file").read_text() == "whole"
+    taken = pytest.raises(InputError, match="exists already")
+    with taken, replaced_folder(tmp_path / "made", anew=True):
+        raise AssertionError("it began")
+    with taken, replaced_folder(tmp_path / "meanwhile", anew=True):
+        (tmp_path / "meanwhile").mkdir()
+        (tmp_path / "meanwhile" / "mine").write_text("kept")
+    assert {path.name for path in tmp_path.iterdir()} == {"made", "meanwhile"}
+    assert (tmp_path / "meanwhile" / "mine").read_text() == "kept"
 
 
 def test_a_place_that_a_person_named_wrongly_is_refused(tmp_path):

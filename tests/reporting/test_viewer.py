@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from testbench.records.results.evaluation import ChainRow
 from testbench.records.specs.robot import load_robot
 from testbench.reporting.viewer import process, save_recording, screenshot, view
 from testbench.reporting.viewer.process import ViewerError
+from testbench.reporting.viewer.recording import _drained
 from testbench.reporting.viewer.scene import (
     COLUMN,
     PER_ROW,
@@ -375,3 +377,14 @@ def test_the_joints_of_a_chain_are_drawn_with_their_truth_the_worst_first(
     assert len(angles) == len(time)
     assert rows_of(chunks, "/chain/waves/knee/error") == int(one["judged"].sum())
     assert rows_of(chunks, "/chain/waves/list/error") == 0
+
+
+def test_a_recorder_that_a_full_disk_stops_is_not_waited_for():
+    def recorded() -> None:
+        with _drained(Path("/dev/full")) as pipe, pipe.open("wb") as recorder:
+            for _ in range(40):
+                recorder.write(bytes(100_000))
+
+    with pytest.raises(OSError, match="No space left") as told:
+        recorded()
+    assert told.value.errno == errno.ENOSPC

@@ -241,7 +241,7 @@ def test_a_leg_that_swings_once_or_twice_is_no_walk(tmp_path, capsys) -> None:
     gyr, acc = with_errors(true)
     session = session_of(tmp_path, "foot", 100.0, gyr, acc, None)
     capsys.readouterr()
-    assert command("gait", session.path, "--json") == 1
+    assert command("gait", session.path, "--json") == 2
     result = json.loads(capsys.readouterr().out)
     own = result["sensors"]["foot"]
     assert own["strides"] == [] and own["method"] == "" and result["closure_mm"] is None

@@ -20,10 +20,12 @@ import numpy as np
 import pytest
 
 from testbench import estimate, evaluate, execute, plan
-from testbench.exceptions import SessionError, StorageError
+from testbench.exceptions import InputError, SessionError, StorageError
 from testbench.execution import RunOptions
 from testbench.execution.recovery import recover
 from testbench.pipeline.analyse import analyse
+from testbench.pipeline.exports import export
+from testbench.pipeline.request import ExportRequest
 from testbench.pipeline.run import run
 from testbench.pipeline.watcher import Watcher
 from testbench.planning import planner
@@ -227,6 +229,16 @@ def test_nothing_that_is_derived_is_written_through_a_link(judged, tmp_path):
     for name in ("estimate", "evaluation"):
         assert [path.name for path in (home / name).iterdir()] == ["notes"]
         assert not (session / name).is_symlink()
+
+
+def test_an_export_does_not_follow_a_link_out_of_the_session(judged, tmp_path):
+    session = Path(shutil.copytree(judged, tmp_path / "session"))
+    home = tmp_path / "home"
+    home.mkdir()
+    (session / "export").symlink_to(home)
+    with pytest.raises(InputError, match="is a symbolic link, and is not written to"):
+        export(Session(session), ExportRequest(format="csv"))
+    assert not list(home.iterdir())
 
 
 def test_events_that_are_a_link_are_not_written_to(cut_off, tmp_path):

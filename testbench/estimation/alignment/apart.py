@@ -15,6 +15,7 @@ import numpy as np
 from testbench.estimation.alignment.filter_alignment import FilterAlignment
 from testbench.estimation.alignment.true_motion import STEPPED
 from testbench.frames import NANOSECONDS
+from testbench.model.statistics.intervals import median_interval
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import FrameFit, SensorEstimate
@@ -54,7 +55,7 @@ def long_enough(pieces: Sequence[PieceAlignment]) -> list[PieceAlignment]:
 
 def _seconds(piece: PieceAlignment) -> float:
     time = piece.alignment.time_ns
-    interval = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    interval = median_interval(time)
     return float(piece.rows.sum()) * interval / NANOSECONDS
 
 
@@ -104,7 +105,7 @@ def _fits(fit: FrameFit, of_the_rest: FrameFit) -> bool:
 
 def _told(estimate: SensorEstimate, apart: np.ndarray) -> list[Finding]:
     """Findings that say what was left out, and what was aligned apart."""
-    interval = float(np.median(np.diff(estimate.host_time_ns))) / NANOSECONDS
+    interval = median_interval(estimate.host_time_ns) / NANOSECONDS
     aligned_s = float((apart > 0).sum()) * interval
     begin_s = float(estimate.host_time_ns[int(np.argmax(apart > 0))]) / NANOSECONDS
     findings = []

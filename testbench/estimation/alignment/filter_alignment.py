@@ -24,6 +24,7 @@ from testbench.estimation.signals.recording import RunFacts
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.reference_step import aligning_part, before_judging, reference_step
+from testbench.model.statistics.intervals import median_interval
 from testbench.model.truth import truth_at
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
@@ -110,7 +111,7 @@ class FilterAlignment:
         if self.run.settings.align == "motion":
             if len(q) < FEWEST_COMPARED:
                 return _refused(name, "the truth is known too seldom to align it by motion")
-            seconds = float(len(q)) * float(np.median(np.diff(time))) / NANOSECONDS
+            seconds = float(len(q)) * median_interval(time) / NANOSECONDS
             fit = fit_frames_by_motion(q, q_true, seconds, self.up_stated)
             return fit, findings_on(fit, name)
         if self.mounting is None or not len(q):

@@ -10,6 +10,7 @@ from testbench.estimation.signals.recording import RunFacts
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.reference_step import before_judging
+from testbench.model.statistics.intervals import median_interval
 from testbench.records.session.samples import Truth
 
 FEWEST_ROWS = 10
@@ -43,7 +44,7 @@ def mounting_by_rates(
         return None
     # what no calibration has taken away
     bias = gyr[rest].mean(axis=0) if rest.any() else np.zeros(3)
-    seconds = float(np.median(np.diff(time_ns))) / NANOSECONDS
+    seconds = median_interval(time_ns) / NANOSECONDS
     force = rotation.rotate(rotation.conjugate(q_true[rest]), -run.gravity)
     return mounting_from_vectors(
         [  # a pair a second counts as independent

@@ -16,6 +16,7 @@ from testbench.estimation.alignment.axes import true_rates
 from testbench.estimation.signals.truth_turning import Turning
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.statistics.intervals import median_interval
 from testbench.model.truth import truth_at
 from testbench.model.windows import moving_mean
 from testbench.records.findings.catalogue import finding
@@ -97,7 +98,7 @@ def find_parting(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> Part
     known = np.isfinite(samples.gyr).all(axis=1)
     if known.sum() < FEWEST:
         return None
-    step = float(np.median(np.diff(time_ns))) / NANOSECONDS
+    step = median_interval(time_ns) / NANOSECONDS
     count = max(round(OVER_S / max(step, 1e-6)) // 2 * 2 + 1, 1)
     gyr = np.where(known[:, None], samples.gyr, 0.0)
     mean, whole = moving_mean(gyr, count), moving_mean(known, count) > 0.999

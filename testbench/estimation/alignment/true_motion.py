@@ -14,6 +14,7 @@ from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.estimation.signals.truth_faults import Apart, find_faults, without_repetitions
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.statistics.intervals import median_interval
 from testbench.model.windows import moving_mean
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
@@ -117,7 +118,7 @@ def rate_delay(samples: ImuSamples, described: SensorRecord, every: int = 1) -> 
         return described.rate_delay_s
     if described.sampling == "instantaneous" or len(samples) < 2:
         return 0.0
-    return float(np.median(np.diff(samples.device_time_ns))) / NANOSECONDS / 2 / every
+    return median_interval(samples.device_time_ns) / NANOSECONDS / 2 / every
 
 
 def true_motion(
@@ -271,7 +272,7 @@ def turning_instants(access: SampleAccess, clock: ClockFit, described: SensorRec
     time, every = access.samples.device_time_ns, access.every
     late = rate_delay(access.samples, described, every)
     if every > 1:  # the middle of the samples that a mean is of
-        late += float(np.median(np.diff(time))) / NANOSECONDS * (1 - 1 / every) / 2
+        late += median_interval(time) / NANOSECONDS * (1 - 1 / every) / 2
     return clock.to_host(time) - round(late * NANOSECONDS)
 
 
@@ -285,7 +286,7 @@ def _late(
         return []
     middle = samples.device_time_ns[len(samples) // 2 : len(samples) // 2 + 1]
     late_s = float((fit.to_host(middle) - clock.to_host(middle))[0]) / NANOSECONDS
-    step_s = float(np.median(np.diff(samples.device_time_ns))) / NANOSECONDS
+    step_s = median_interval(samples.device_time_ns) / NANOSECONDS
     if abs(late_s) <= max(LATE_S, LATE_SAMPLES * step_s):
         return []
     return [finding("clock.late", late_s=late_s)]

@@ -17,6 +17,7 @@ from testbench.estimation.alignment.axes import true_rates
 from testbench.estimation.signals.rates import rest_reading
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.statistics.intervals import median_interval
 from testbench.model.windows import moving_mean
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
@@ -73,7 +74,7 @@ def fit_rates(
     spaced = truth.host_time_ns[1:] - truth.host_time_ns[:-1]
     if len(spaced) < 10 or len(time_ns) < 20:
         return None
-    step = float(np.median(np.diff(time_ns))) / NANOSECONDS
+    step = median_interval(time_ns) / NANOSECONDS
     over = max(OVER_S, float(np.median(spaced)) / NANOSECONDS)
     count = max(round(over / max(step, 1e-6)) // 2 * 2 + 1, 1)
     known = np.isfinite(samples.gyr).all(axis=1)

@@ -11,6 +11,7 @@ import numpy as np
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import Kinematics
+from testbench.model.statistics.intervals import gradient
 from testbench.records.session.samples import ArmSamples, Truth
 from testbench.records.specs.protocol import Sensor
 from testbench.records.specs.robot import Robot
@@ -69,6 +70,6 @@ def _turned(truth: Truth, turns: np.ndarray) -> Truth:
     if truth.rate is None:
         return replace(truth, q_world_from_sensor=q)
     # R' = dR R turns by R' w' = d(turns)/dt + dR R w, so that w' = w + R^T d(turns)/dt
-    change = np.gradient(turns, truth.host_time_ns / NANOSECONDS, axis=0)
+    change = gradient(turns, truth.host_time_ns / NANOSECONDS)
     seen = rotation.rotate(rotation.conjugate(truth.q_world_from_sensor), change)
     return replace(truth, q_world_from_sensor=q, rate=truth.rate + seen)

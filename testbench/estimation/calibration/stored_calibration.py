@@ -94,7 +94,7 @@ class StoredCalibrations:
             for warned in stored.findings
             if warned.severity == Severity.WARNING
         ]
-        if self.session.manifest.sensors[sensor].driver == "imported" and not (
+        if self.sensors[sensor].driver == "imported" and not (
             tag and stored.device == tag
         ):  # a name of a mapping is no name of a part
             whose = f"device {stored.device}" if stored.device else "no device is named in it"

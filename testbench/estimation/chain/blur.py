@@ -13,6 +13,7 @@ import numpy as np
 
 from testbench.estimation.chain.run import ChainSamples
 from testbench.estimation.chain.settings import SensorNoise
+from testbench.model.statistics.intervals import gradient
 
 BODY_TURN_SD, BODY_SHIFT_SD = np.radians(0.8), 0.012
 """How far a sensor on a body goes its own way against a chain of rigid links [rad], [m]. The shift
@@ -39,7 +40,7 @@ def blurred(
     for i, (own, turn, shift) in enumerate(zip(noise, turns, shifts, strict=True)):
         mine = samples.sensor == i
         rate, force = np.split(samples.reading[mine], 2, axis=1)
-        bend = np.gradient(rate, samples.time[mine], axis=0)
+        bend = gradient(rate, samples.time[mine])
         swing = np.sum(rate**2, axis=1) ** 2 + np.sum(bend**2, axis=1)
         faster, heavier = (np.sqrt(np.mean(np.sum(x**2, axis=1))) for x in (rate, force))
         gyr, acc = turn * faster, np.hypot(turn * heavier, shift * np.sqrt(swing.mean()))

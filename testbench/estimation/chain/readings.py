@@ -10,6 +10,7 @@ from testbench.estimation.chain.settings import SensorNoise
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
+from testbench.model.statistics.intervals import gradient
 from testbench.records.results.estimate import CalibrationFit, ClockFit, SensorEstimate
 from testbench.records.session.sensor_file import SensorFile
 from testbench.records.specs.sensor import ImuParameters, TriadParameters
@@ -63,7 +64,7 @@ def calibrated(
 def _without_low_pass(time: np.ndarray, reading: np.ndarray, bandwidth: float | None) -> np.ndarray:
     if bandwidth is None:
         return reading
-    return np.asarray(reading + np.gradient(reading, time, axis=0) / (2 * np.pi * bandwidth))
+    return np.asarray(reading + gradient(reading, time) / (2 * np.pi * bandwidth))
 
 
 def rest_noise(

@@ -14,6 +14,7 @@ from testbench.estimation.chain.sensors import ChainSensors
 from testbench.estimation.chain.settings import FilterSettings
 from testbench.estimation.chain.start import start_state
 from testbench.estimation.chain.state import Process, confinement, state_indices
+from testbench.model.statistics.intervals import gradient
 
 PROCESS_NOISE = {
     "kinematic": (np.radians(10.0), np.radians(1e5)),
@@ -58,7 +59,7 @@ class ChainSamples:
         for i in range(len(self.counts)):
             own = np.flatnonzero(self.sensor == i)
             if len(own) > 1:
-                change[own] = np.gradient(self.reading[own], self.time[own], axis=0)
+                change[own] = gradient(self.reading[own], self.time[own])
         return change
 
     def rows(self, begin: int, end: int | None) -> ChainSamples:

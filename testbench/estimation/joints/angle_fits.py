@@ -12,6 +12,7 @@ from testbench.estimation.signals.recording import JointTruth
 from testbench.estimation.signals.time_alignment import fit_anywhere
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.statistics.intervals import gradient, median_interval
 from testbench.records.results.estimate import ClockFit, JointEstimate
 
 LEAST_ROWS = 10
@@ -72,6 +73,6 @@ def estimated_rate(time_ns: np.ndarray, angles: np.ndarray) -> RateMagnitude:
     time = time_ns[rows] / NANOSECONDS
     if len(time) < LEAST_ROWS:
         return RateMagnitude(np.zeros(0), np.zeros(0), 0.0, 0.0)
-    rates = np.gradient(np.unwrap(angles[rows], axis=0), time, axis=0)
-    gap = max(LOST_S, WIDEST * float(np.median(np.diff(time))))
+    rates = gradient(np.unwrap(angles[rows], axis=0), time)
+    gap = max(LOST_S, WIDEST * median_interval(time))
     return RateMagnitude(time, rotation.lengths(rates), 0.0, gap)

@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.statistics.intervals import median_interval
 from testbench.model.windows import moving_mean
 from testbench.records.results.estimate import FrameFit, SensorEstimate
 from testbench.records.specs.protocol import BodyJoint
@@ -85,7 +86,7 @@ def limb_of(
     """
     times = [own.host_time_ns for own in sensors.values()]
     begin, end = max(t[0] for t in times), min(t[-1] for t in times)
-    rate = min(RATE_HZ, *(NANOSECONDS / float(np.median(np.diff(t))) for t in times))
+    rate = min(RATE_HZ, *(NANOSECONDS / median_interval(t) for t in times))
     step = round(NANOSECONDS / rate)
     grid = np.arange(begin, end + 1, step)[:MOST]
     if len(grid) < 2 * rate * LEAST_S:

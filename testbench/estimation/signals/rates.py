@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.statistics.intervals import median_interval
 from testbench.records.session.samples import ImuSamples, Truth
 
 WIDEST = 2.5
@@ -64,7 +65,7 @@ def truth_rate(truth: Truth) -> RateMagnitude:
     time = truth.host_time_ns / NANOSECONDS
     if truth.rate is not None:
         known = np.isfinite(truth.rate).all(axis=1)
-        interval = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+        interval = median_interval(time)
         return RateMagnitude(
             time[known], rotation.lengths(truth.rate[known]), 0.0, WIDEST * interval
         )
@@ -77,7 +78,7 @@ def sensor_rate(samples: ImuSamples) -> RateMagnitude:
     known = np.isfinite(samples.gyr).all(axis=1)
     if known.any():
         gyr, time = samples.gyr[known], time[known]
-        usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+        usual = median_interval(time)
         gap = max(LOST_S, WIDEST * usual)
         return RateMagnitude(time, rotation.lengths(gyr - rest_reading(gyr)), 0.0, gap)
     if samples.device_q is not None:
@@ -145,7 +146,7 @@ def _between_rows(
     time, rows = time[fresh], rows[fresh]
     if len(time) < 3:
         return RateMagnitude(np.zeros(0), np.zeros(0), 0.0, 0.0)
-    usual = float(np.median(np.diff(time)))
+    usual = median_interval(time)
     apart = min(max(round(LEAST_SPAN_S / usual), 1), len(time) - 2)
     interval = time[apart:] - time[:-apart]
     angle = between(rows[:-apart], rows[apart:])

@@ -23,6 +23,7 @@ from testbench.estimation.signals.common_motion import (
 )
 from testbench.estimation.signals.rates import RateMagnitude, sensor_rate, truth_rate
 from testbench.frames import NANOSECONDS
+from testbench.model.statistics.intervals import gradient, median_interval
 from testbench.model.windows import moving_mean
 from testbench.records.results.estimate import ClockFit
 from testbench.records.session.samples import ImuSamples, Truth
@@ -251,7 +252,7 @@ def _fit_arrival(samples: ImuSamples) -> ClockFit:
 
 def _averaged(measured: RateMagnitude, width: float) -> RateMagnitude:
     """The sensor's rate as a truth sees it that is a mean over `width` [s]."""
-    interval = float(np.median(np.diff(measured.time)))
+    interval = median_interval(measured.time)
     count = round(width / interval)
     rate = moving_mean(measured.rate, count) if count > 1 else measured.rate
     # the centre of an even window lies half a sample before the sample it is assigned to
@@ -293,14 +294,14 @@ def _refine(
         if inside.sum() < 10:
             return None
         expected = np.interp(host[inside], true.time, true.rate)
-        gradient = gain * np.interp(host[inside], true.time, slope) / (1 + drift)
+        by_time = gain * np.interp(host[inside], true.time, slope) / (1 + drift)
         # About the middle of the recording, offset and drift are nearly uncorrelated.
         centred = (measured.time[inside] - middle) / (1 + drift)
-        jacobian = np.column_stack([gradient, gradient * centred, -expected])
+        jacobian = np.column_stack([by_time, by_time * centred, -expected])
         residual = measured.rate[inside] - gain * expected
         squares = float(residual @ residual) / len(residual)
         if squares > 1.01 * left:  # faster than the smoothed slope can follow
-            slope = np.gradient(true.rate, true.time)
+            slope = gradient(true.rate, true.time)
         left = min(left, squares)
         step, *_ = np.linalg.lstsq(jacobian, -residual, rcond=None)
         drift += step[1]
@@ -341,11 +342,11 @@ def _refine(
 
 def _smooth_slope(true: RateMagnitude) -> np.ndarray:
     """How fast the truth's rate changes, shape (n,) [rad/s^2]."""
-    usual = float(np.median(np.diff(true.time))) if len(true.time) > 1 else SLOPE_OVER_S
+    usual = median_interval(true.time) if len(true.time) > 1 else SLOPE_OVER_S
     half = max(round(SLOPE_OVER_S / 2 / max(usual, 1e-6)) // 2 * 2 + 1, 1)
     # a mean of means: a triangle, which has no sidelobes that let noise through
     smooth = moving_mean(moving_mean(true.rate, half, "held"), half, "held")
-    return np.asarray(np.gradient(smooth, true.time))
+    return gradient(smooth, true.time)
 
 
 def _first_gain(measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float) -> float:

@@ -18,6 +18,7 @@ from testbench.estimation.signals.truth_steps import BESIDE, Cut, cut_truth
 from testbench.estimation.signals.truth_turning import Compared, Turning
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.statistics.intervals import median_interval
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples, Truth
@@ -239,7 +240,7 @@ def _findings(
         at = float(rows[frozen[0][0]]) / NANOSECONDS
         found.append(finding("truth.frozen", stretches=len(frozen), lost_s=lasted, at_s=at))
     if cut.dropped.any():
-        usual = float(np.median(np.diff(stays))) / NANOSECONDS
+        usual = median_interval(stays) / NANOSECONDS
         first = cut.begins[0] if cut.begins else int(np.argmax(cut.dropped))
         at = float(stays[first]) / NANOSECONDS
         found.append(

@@ -10,6 +10,7 @@ from numba import njit
 from testbench.estimation.signals.rates import LOST_S
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
+from testbench.model.statistics.intervals import median_interval
 from testbench.model.windows import moving_mean
 
 SMOOTHED_S = 0.25
@@ -129,7 +130,7 @@ def _lag(time_ns: np.ndarray, q: np.ndarray, turning: Turning) -> int:
         q: The truth, shape (m, 4).
         turning: Of the gyroscope.
     """
-    usual = max(float(np.median(np.diff(time_ns))), 1.0) if len(time_ns) > 1 else 1.0
+    usual = max(median_interval(time_ns), 1.0) if len(time_ns) > 1 else 1.0
     apart = max(round(LAG_SPAN_S * NANOSECONDS / usual), 1)
     i = np.arange(0, len(time_ns) - apart, max((len(time_ns) - apart) // LAG_SPANS, 1))
     if len(i) < 2:

@@ -159,6 +159,11 @@ def prepare_export(name: str, session: Session, out: Path | None, force: bool) -
     kind = export_format(name)
     if kind.module is not None:
         kind.writer()
+    if out is None and (session.path / EXPORT).is_symlink():
+        raise InputError(
+            f"{session.path / EXPORT} is a symbolic link, and is not written to; name a place with "
+            "--out"
+        )
     path = (
         out
         if out is not None

@@ -14,6 +14,7 @@ from testbench.formats.exporters.source import TRUTH, ExportSource, increasing
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.kinematics import FrameMotion, Kinematics, Pose
+from testbench.model.statistics.intervals import median_interval
 from testbench.records.session.samples import ArmSamples
 from testbench.records.specs.robot import Robot
 
@@ -163,5 +164,5 @@ def stride(time_ns: np.ndarray) -> slice:
     """
     if len(time_ns) < 2:
         return slice(None)
-    interval = float(np.median(np.diff(time_ns))) / NANOSECONDS
+    interval = median_interval(time_ns) / NANOSECONDS
     return slice(None, None, max(1, round(1 / (RATE * interval)))) if interval > 0 else slice(None)

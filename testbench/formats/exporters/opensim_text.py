@@ -8,6 +8,7 @@ import numpy as np
 
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS
+from testbench.model.statistics.intervals import median_interval
 from testbench.model.truth import WIDEST_GAP_NS
 
 
@@ -44,7 +45,8 @@ def data_rate(time_ns: np.ndarray) -> float:
     Args:
         time_ns: Increasing, shape (n,).
     """
-    return NANOSECONDS / float(np.median(np.diff(time_ns))) if len(time_ns) > 1 else 0.0
+    interval = median_interval(time_ns)
+    return NANOSECONDS / interval if interval > 0 else 0.0
 
 
 def overlap(times: dict[str, np.ndarray]) -> slice:

@@ -119,6 +119,8 @@ def layout(time_s: np.ndarray, steps: Sequence[np.ndarray], equally: bool) -> La
     basis = np.sqrt(2) * weight * (cosines - (cosines @ weight)[:, None])
     taus = duration * np.geomspace(SHORTEST, LONGEST, TAUS)
     powers = _powers(np.vstack([weight, basis]), np.diff(middle, prepend=middle[0]), taus)
+    if not (powers > 0).all():  # rows that go back in time
+        return None
     shares = powers[:, 1:] / powers[:, :1]
     return Layout(rows, starts, sizes, weight, duration, basis, np.repeat(2 * taus, 2), shares)
 

@@ -13,7 +13,7 @@ import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from errno import EINVAL, ENOSPC
+from errno import EACCES, EDQUOT, EFBIG, EINVAL, EIO, ENOSPC, EPERM, EROFS
 from pathlib import Path
 
 from testbench.clock import Clock, utc_name
@@ -21,12 +21,21 @@ from testbench.exceptions import InputError, StorageError
 
 PARTIAL = ".partial"
 """How names of what is not whole yet end."""
+REASONS = {
+    ENOSPC: "there is no room left on the disk",
+    EDQUOT: "the quota of this disk is used up",
+    EFBIG: "it would be larger than a file may be here",
+    EROFS: "the disk is read-only",
+    EACCES: "the folder may not be written to",
+    EPERM: "the folder may not be written to",
+}
+"""Why a disk takes nothing, in words."""
 LONGEST_NAME = 120
 """Bytes of a name that its partial file repeats: file systems take 255 with all that is added."""
 
 
 @contextmanager
-def replaced_file(path: Path, anew: bool = False) -> Iterator[Path]:
+def replaced_file(path: Path, anew: bool = False, mode: int = 0o666) -> Iterator[Path]:
     """A file to write, which takes the name `path` once it is whole, in place of an earlier one.
 
     A power cut leaves the old file or the new one, whole. What was written so far is removed if
@@ -35,6 +44,7 @@ def replaced_file(path: Path, anew: bool = False) -> Iterator[Path]:
     Args:
         path: The final name.
         anew: Refuse an earlier file instead of replacing it.
+        mode: Who may read and write it, from its first byte on, less what the user's mask takes.
 
     Yields:
         The empty file to write to, by its path.
@@ -46,7 +56,7 @@ def replaced_file(path: Path, anew: bool = False) -> Iterator[Path]:
     if anew and os.path.lexists(path):
         raise _taken(path)
     _clear(path)
-    partial, held = _claimed_file(path)
+    partial, held = _claimed_file(path, mode)
     try:
         yield partial
         _sync(partial)
@@ -69,7 +79,9 @@ def write_text(path: Path, text: str, anew: bool = False) -> None:
 
 
 @contextmanager
-def replaced_folder(folder: Path, summary: Path | None = None) -> Iterator[Path]:
+def replaced_folder(
+    folder: Path, summary: Path | None = None, anew: bool = False
+) -> Iterator[Path]:
     """A new folder to fill, which takes the place of another one once it is full.
 
     Whatever ends this early, a full disk or a kill, leaves the old folder with its summary, or
@@ -81,13 +93,17 @@ def replaced_folder(folder: Path, summary: Path | None = None) -> Iterator[Path]
         summary: A file beside the folder without which it is not read. The caller writes it into
             the new folder; the old one is removed before the folders change places, and the new one
             is moved out of the folder last.
+        anew: Refuse an earlier folder instead of replacing it.
 
     Yields:
         The folder to write to.
 
     Raises:
+        InputError: There is an earlier one, though `anew` is asked for.
         OSError: The disk does not take it.
     """
+    if anew and os.path.lexists(folder):
+        raise _taken(folder)
     _clear(folder)
     new, held = _claimed_folder(folder)
     try:
@@ -98,6 +114,8 @@ def replaced_folder(folder: Path, summary: Path | None = None) -> Iterator[Path]
         if summary is not None:
             summary.unlink(missing_ok=True)
         old = _partial_of(folder)
+        if anew and os.path.lexists(folder):
+            raise _taken(folder)
         with suppress(FileNotFoundError):
             folder.rename(old)
         new.rename(folder)
@@ -130,29 +148,35 @@ def stored_where_asked(path: Path) -> Iterator[None]:
     """The same of a file whose place a person has named, and may have named wrongly.
 
     Raises:
-        InputError: The place cannot be written to.
-        StorageError: The disk is full.
+        InputError: There is no such place.
+        StorageError: The disk takes nothing: it is full, read-only, or broken.
     """
     try:
         yield
     except OSError as error:
-        refused = StorageError if error.errno == ENOSPC else InputError
+        by_disk = error.errno is None or error.errno in {*REASONS, EIO}
+        refused = StorageError if by_disk else InputError
         raise refused(f"{path} cannot be written: {disk_reason(error)}") from None
 
 
 def disk_reason(error: OSError) -> str:
     """Why something cannot be written, in words."""
-    return (
-        "there is no room left on the disk"
-        if error.errno == ENOSPC
-        else error.strerror or str(error)
-    )
+    return REASONS.get(error.errno or 0) or error.strerror or str(error)
 
 
-def clear_partials(folder: Path) -> None:
-    """Remove what writers that were killed have left in a folder."""
-    for left in folder.glob(f"*{PARTIAL}"):
+def clear_partials(folder: Path) -> list[Path]:
+    """Remove what writers that were killed have left in a folder.
+
+    Args:
+        folder: To look in.
+
+    Returns:
+        What is gone.
+    """
+    found = list(folder.glob(f"*{PARTIAL}"))
+    for left in found:
         _remove_unless_held(left)
+    return [path for path in found if not os.path.lexists(path)]
 
 
 def _partial_of(path: Path) -> Path:
@@ -161,11 +185,11 @@ def _partial_of(path: Path) -> Path:
     return path.with_name(f".{name}.{secrets.token_hex(8)}{PARTIAL}")
 
 
-def _claimed_file(path: Path) -> tuple[Path, int]:
+def _claimed_file(path: Path, mode: int) -> tuple[Path, int]:
     """An empty file to write to, and its open descriptor: its lock says that somebody writes it."""
     while True:
         partial = _partial_of(path)
-        held = os.open(partial, os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_RDWR, 0o666)
+        held = os.open(partial, os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_RDWR, mode)
         if _hold(held, partial):
             return partial, held
 

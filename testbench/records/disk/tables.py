@@ -356,6 +356,32 @@ def parquet_shape(path: Path) -> tuple[int, list[str]]:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
+def parquet_kinds(path: Path) -> dict[str, str]:
+    """What each column of a Parquet file holds, by name: `INTEGER`, `NUMBER`, `FLAG`, or the name
+    of another type.
+
+    Raises:
+        SessionError: The file is missing or damaged.
+    """
+    try:
+        with pq.ParquetFile(path) as file:
+            schema = file.schema_arrow
+    except (OSError, pa.ArrowException) as error:
+        raise SessionError(f"{path} cannot be read: {error}") from None
+    return {field.name: _kind(field.type) for field in schema}
+
+
+INTEGER, NUMBER, FLAG = "int64", "double", "bool"
+
+
+def _kind(kind: pa.DataType) -> str:
+    if pa.types.is_int64(kind):
+        return INTEGER
+    if pa.types.is_float64(kind):
+        return NUMBER
+    return FLAG if pa.types.is_boolean(kind) else str(kind)[:50]
+
+
 def last_value(path: Path, column: str) -> int | None:
     """The last number of a column of a Parquet file, or None where it has no rows.
 

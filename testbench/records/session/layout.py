@@ -26,6 +26,8 @@ without its summary.
 """
 DERIVED = (ESTIMATE, GAIT, *OF_AN_ESTIMATE)
 """What may be deleted and made again."""
+SEAL = "manifest.json.sig"
+"""A signature of the manifest."""
 CYCLES = "cycles"
 """The table of the average cycles, in the folder of the evaluation."""
 FOUND_CYCLES = "found_cycles"
@@ -99,6 +101,19 @@ def walk_table(sensor: str) -> str:
 def table_file(name: str) -> str:
     """The file of a table, or of a stream that was closed."""
     return f"{name}.parquet"
+
+
+def is_raw(name: str) -> bool:
+    """Whether a file of a session's folder is a part of the recording, whose hash is stated."""
+    others = {MANIFEST, SEAL, RECORDING, EXPORT, *DERIVED}
+    return not name.startswith(".") and name not in others
+
+
+def is_read_raw(name: str) -> bool:
+    """Whether a file is read as a part of the recording if it stands in a session's folder."""
+    fixed = {EVENTS, PROTOCOL, ROBOT, URDF, CHAIN_ROBOT, CHAIN_URDF, PLAN, table_file(ARM)}
+    streams = (imu_stream(""), truth_stream(""), angles_stream(""))
+    return name in fixed or (name.endswith(table_file("")) and name.startswith(streams))
 
 
 def journal_file(stream: str) -> str:

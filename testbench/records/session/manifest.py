@@ -45,6 +45,10 @@ arm's entry named only its driver.
 
 PASSING = {"statistics", "battery_percent", "rssi_dbm"}
 """Entries of a sensor that differ from one moment to the next."""
+FASTEST_HZ = 1e6
+"""No inertial sensor samples a hundredth as fast."""
+LONGEST_DELAY_S = 10.0
+"""Nor is a rate so much older than its stamp."""
 
 
 class RunStatus(StrEnum):
@@ -115,13 +119,13 @@ class SensorRecord(_WholePart):
     driver: str | None = None
     description: str | None = None
     preset: str | None = None
-    rate_hz: float | None = Field(default=None, gt=0)
+    rate_hz: float | None = Field(default=None, gt=0, le=FASTEST_HZ)
     magnetometer: bool = False
     orientation: bool = False
     temperature: bool = False
     sampling: str | None = None
     full_scale: FullScale | None = None
-    rate_delay_s: float | None = None
+    rate_delay_s: float | None = Field(default=None, ge=-LONGEST_DELAY_S, le=LONGEST_DELAY_S)
     device_tag: str | None = None
     hemisphere: Literal["north", "south"] | None = None
     truth: str | None = None

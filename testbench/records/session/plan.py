@@ -6,17 +6,20 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
 
 from testbench.exceptions import SessionError
+from testbench.records.disk.json_record import first_problem
 from testbench.records.disk.tables import write_parquet
+from testbench.records.session.sound_tables import LATEST_NS
 from testbench.records.session.trajectory import Trajectory
 from testbench.records.specs.protocol import Protocol
 from testbench.records.specs.protocol_steps import Role
@@ -61,6 +64,7 @@ class PlannedCycles:
         return PlannedCycles(frequency, first, int(count), motion)
 
 
+@with_config(ConfigDict(strict=True, allow_inf_nan=False))
 @dataclass(frozen=True)
 class PlannedStep:
     """One step of the protocol with its times from the start of the plan.
@@ -93,6 +97,31 @@ class PlannedStep:
     cycles: PlannedCycles | None = None
 
 
+def step_of(data: dict[str, Any]) -> PlannedStep:
+    """A step from what was written of it.
+
+    Args:
+        data: Its attributes by name.
+
+    Raises:
+        ValueError: One is missing or of another type, or its times are none.
+    """
+    times = [data.get(key) for key in ("start_ns", "settled_ns", "end_ns")]
+    for time in times:
+        if isinstance(time, int) and abs(time) > LATEST_NS:
+            raise ValueError(f"{time} is no time")
+    cycles = PlannedCycles.of(data.get("cycles"))
+    try:
+        return replace(_step().validate_json(json.dumps(data | {"cycles": None})), cycles=cycles)
+    except ValidationError as error:
+        raise ValueError(first_problem(error)) from None
+
+
+@cache
+def _step() -> TypeAdapter[PlannedStep]:
+    return TypeAdapter(PlannedStep)
+
+
 def evaluated_steps(steps: Sequence[PlannedStep]) -> list[PlannedStep]:
     """Steps of evaluation sections alone; none where a protocol has no such section."""
     return [step for step in steps if step.role == "evaluation"]
@@ -111,11 +140,8 @@ def stored_steps(file: Path) -> list[PlannedStep]:
     """
     try:
         notes = pq.read_schema(file).metadata or {}
-        return [
-            PlannedStep(**data | {"cycles": PlannedCycles.of(data.get("cycles"))})
-            for data in json.loads(notes[b"steps"])
-        ]
-    except (OSError, pa.ArrowException, ValueError, KeyError, TypeError) as error:
+        return [step_of(data) for data in json.loads(notes[b"steps"])]
+    except (OSError, pa.ArrowException, ValueError, KeyError, TypeError, AttributeError) as error:
         raise SessionError(f"the plan {file} cannot be read: {error}") from None
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbench.exceptions import SessionError
 from testbench.records.disk.chunks import overlapping
 from testbench.records.disk.neighbouring_rows import MOST_THINNED, is_long, read_near
 from testbench.records.disk.tables import (
@@ -17,6 +18,13 @@ from testbench.records.disk.tables import (
     read_stacked,
 )
 from testbench.records.session.samples import TRUTH_Q, TRUTH_RATE, ImuSamples, Truth
+from testbench.records.session.sound_tables import (
+    RESTARTED_NS,
+    Times,
+    refuse_no_rotations,
+    refuse_other_kinds,
+    refuse_times,
+)
 
 
 class _StreamFile:
@@ -36,10 +44,24 @@ class _StreamFile:
     def __init__(self, path: Path):
         self._path = path
         self.count, self.columns = parquet_shape(path)
+        refuse_other_kinds(path, self.columns)
 
 
 class SensorFile(_StreamFile):
     """Raw samples of a sensor: what algorithms get of a recording."""
+
+    def __init__(self, path: Path):
+        super().__init__(path)
+        device = Times(path, "device_time_ns", RESTARTED_NS)
+        host = Times(path, "host_time_ns")
+        for columns in self.tables(columns=["device_time_ns", "host_time_ns"]):
+            device.look(columns["device_time_ns"])
+            host.look(columns["host_time_ns"])
+        if device.stood:
+            raise SessionError(
+                f"{path} cannot be analysed: device_time_ns is the same in all of its rows; the "
+                "clock of the device stood still"
+            )
 
     def read(self, begin: int = 0, end: int | None = None, every: int = 1) -> ImuSamples:
         """Samples in memory.
@@ -88,7 +110,15 @@ class TruthFile(_StreamFile):
 
     def read(self) -> Truth:
         """All of it."""
-        return Truth.from_columns(read_parquet(self._path))
+        return self._sound(Truth.from_columns(read_parquet(self._path)))
+
+    def _sound(self, truth: Truth) -> Truth:
+        """The same, if it is a truth."""
+        if not self.count:
+            raise SessionError(f"{self._path} has no rows: nothing is known of what was true")
+        refuse_times(self._path, "host_time_ns", truth.host_time_ns, RESTARTED_NS)
+        refuse_no_rotations(self._path, "q_world_from_sensor", truth.q_world_from_sensor)
+        return truth
 
     def thinned(self) -> Truth:
         """Evenly spread rows of a long one, for what looks at the whole of it.
@@ -102,7 +132,7 @@ class TruthFile(_StreamFile):
         groups |= {"rate": TRUTH_RATE} if rates else {"q": TRUTH_Q}
         table = read_stacked(self._path, groups, every=-(-self.count // MOST_THINNED))
         q = np.broadcast_to(np.nan, (len(table["host_time_ns"]), 4)) if rates else table["q"]
-        return Truth(table["host_time_ns"], q, table.get("rate"))
+        return self._sound(Truth(table["host_time_ns"], q, table.get("rate")))
 
     def near(self, instants: np.ndarray) -> Truth:
         """The rows around some instants.
@@ -116,4 +146,4 @@ class TruthFile(_StreamFile):
         """
         if not self.is_long or TRUTH_RATE[0] not in self.columns:
             return self.read()
-        return Truth(**read_near(self._path, Truth.groups(self.columns), instants))
+        return self._sound(Truth(**read_near(self._path, Truth.groups(self.columns), instants)))

@@ -38,9 +38,16 @@ from testbench.records.session.layout import (
 )
 from testbench.records.session.manifest import Manifest
 from testbench.records.session.manifest import RunStatus as RunStatus  # its status is one of these
-from testbench.records.session.plan import PlannedCycles, PlannedStep
+from testbench.records.session.plan import PlannedStep, step_of
 from testbench.records.session.samples import TRUE_ANGLES, ArmSamples, ImuSamples, TrueAngles, Truth
 from testbench.records.session.sensor_file import SensorFile, TruthFile
+from testbench.records.session.sound_tables import (
+    LATEST_NS,
+    RESTARTED_NS,
+    refuse_no_numbers,
+    refuse_other_kinds,
+    refuse_times,
+)
 from testbench.records.specs.protocol import Analysis
 from testbench.records.specs.robot import Robot, load_robot, robot_from_text
 from testbench.records.specs.strict import Placement
@@ -136,6 +143,11 @@ class Session:
             raise SessionError(
                 f"{self.path / MANIFEST}: the analysis is damaged: {first_problem(error)}"
             ) from None
+        if self.has_protocol and set(analysis.sensors) != set(self.sensor_names):
+            raise SessionError(
+                f"{self.path / MANIFEST}: the analysis is damaged: it is of the sensors "
+                f"{', '.join(analysis.sensors)}, and {', '.join(self.sensor_names)} were recorded"
+            )
         return with_body(analysis, self.sensor_names, self.path / MANIFEST)
 
     @property
@@ -149,6 +161,19 @@ class Session:
             except BlockingIOError:
                 return True
         return False
+
+    @property
+    def what_to_do_cut_off(self) -> str:
+        """That it was cut off, and what helps, for people."""
+        if self.manifest.kind == "import":
+            return (
+                f"{self.path} is an import that was cut off, and not whole; `testbench sessions "
+                f"--logs {self.path.parent} --clean` removes it, then import its files again"
+            )
+        return (
+            f"{self.path} was cut off while it was recorded; `testbench recover {self.path}` "
+            "makes it readable"
+        )
 
     @cached_property
     def fingerprint(self) -> str:
@@ -304,10 +329,12 @@ class Session:
         file = self._listed(angles_stream(joint))
         if file is None:
             return None
+        refuse_other_kinds(file, ("host_time_ns", *TRUE_ANGLES))
         table = read_parquet(file)
         missing = [name for name in ("host_time_ns", *TRUE_ANGLES) if name not in table]
         if missing:
             raise SessionError(f"{file} is damaged: it has no column {missing[0]}")
+        refuse_times(file, "host_time_ns", table["host_time_ns"])
         return TrueAngles.from_columns(table)
 
     def _listed(self, stream: str) -> Path | None:
@@ -329,12 +356,18 @@ class Session:
         if not file.is_file() or self.robot is None:
             return None
         names = self.robot.joint_names
+        refuse_other_kinds(file, ArmSamples.columns(names))
         if self._near is not None and is_long(parquet_shape(file)[0]):
             near = read_near(file, ArmSamples.groups(names), self._near.arm)
-            return ArmSamples(
+            arm = ArmSamples(
                 names, near["host_time_ns"], near["q_sent"], near["q_measured"], near["v_measured"]
             )
-        return ArmSamples.from_columns(read_parquet(file), names)
+        else:
+            arm = ArmSamples.from_columns(read_parquet(file), names)
+        refuse_times(file, "host_time_ns", arm.host_time_ns, RESTARTED_NS)
+        measured = {"q_measured": arm.q_measured, "v_measured": arm.v_measured}
+        refuse_no_numbers(file, measured)
+        return arm
 
     def arm_joint(self, joint: str) -> tuple[np.ndarray, np.ndarray] | None:
         """Times [ns] and angles [rad] of one joint, shape (n,) each; None where there are none."""
@@ -342,26 +375,19 @@ class Session:
         if not file.is_file() or self.robot is None or joint not in self.robot.joint_names:
             return None
         columns = ["host_time_ns", f"q_measured_{joint}_rad"]
+        refuse_other_kinds(file, columns)
         if self._near is not None and is_long(parquet_shape(file)[0]):
             table = read_near(file, {name: name for name in columns}, self._near.arm)
         else:
             table = read_parquet(file, columns)
+        refuse_times(file, columns[0], table[columns[0]], RESTARTED_NS)
+        refuse_no_numbers(file, {columns[1]: table[columns[1]]})
         return table[columns[0]], table[columns[1]]
 
     @cached_property
     def events(self) -> list[Event]:
         """Everything that happened, in order; a last line cut off by a crash is left out."""
         file = self.path / EVENTS
-        stated = self.manifest.files.get(EVENTS)
-        if (
-            stated is not None
-            and file.is_file()
-            and hashlib.sha256(file.read_bytes()).hexdigest() != stated
-        ):
-            raise SessionError(
-                f"{file} is not what the manifest says was recorded (its SHA-256 differs); the "
-                "session is damaged"
-            )
         events = []
         for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else []:
             try:
@@ -375,6 +401,8 @@ class Session:
             ):  # cut off, empty, or damaged
                 continue
             if isinstance(time, int) and isinstance(name, str):
+                if abs(time) > LATEST_NS:
+                    raise SessionError(f"{file} is damaged: {time} is no time of an event")
                 events.append(Event(time, name, data))
         return events
 
@@ -405,25 +433,20 @@ class Session:
                         f"{self.path / EVENTS} is damaged: step {index} says too little"
                     )
                 data = {key: step.details[key] for key in keys}
+                data |= dict(zip(("start_ns", "settled_ns", "end_ns"), times, strict=True))
                 try:
-                    data["cycles"] = PlannedCycles.of(step.details.get("cycles"))
+                    steps.append(step_of(data | {"cycles": step.details.get("cycles")}))
                 except ValueError as error:
                     raise SessionError(
                         f"{self.path / EVENTS} is damaged: of step {index}, {error}"
                     ) from None
-                steps.append(
-                    PlannedStep(**data, start_ns=times[0], settled_ns=times[1], end_ns=times[2])
-                )
         return steps
 
     def _check_closed(self) -> None:
         if self.is_being_recorded:
             raise SessionError(f"{self.path} is still being recorded")
-        if any(self.path.glob(JOURNALS)):
-            raise SessionError(
-                f"{self.path} was cut off while it was recorded; `testbench recover {self.path}` "
-                "makes it readable"
-            )
+        if self.status is RunStatus.RUNNING or any(self.path.glob(JOURNALS)):
+            raise SessionError(self.what_to_do_cut_off)
 
     def _check(self, sensor: str) -> None:
         if sensor not in self.sensor_names:
@@ -448,7 +471,7 @@ def step_events(steps: Iterable[PlannedStep]) -> list[Event]:
 def list_sessions(logs: Path) -> list[Session]:
     """Sessions below a folder, oldest first; other folders and unreadable ones are passed over."""
     sessions = []
-    for path in sorted(logs.glob(f"*/{MANIFEST}")):
+    for path in _manifests(logs):
         with suppress(SessionError):
             sessions.append(Session(path.parent))
     return sessions
@@ -457,9 +480,16 @@ def list_sessions(logs: Path) -> list[Session]:
 def damaged_sessions(logs: Path) -> dict[str, str]:
     """Folders with a manifest that are no readable session, by name, and what is wrong."""
     damaged = {}
-    for path in sorted(logs.glob(f"*/{MANIFEST}")):
+    for path in _manifests(logs):
         try:
             Session(path.parent)
         except SessionError as error:
             damaged[path.parent.name] = str(error)
     return damaged
+
+
+def _manifests(logs: Path) -> list[Path]:
+    """Those of the folders below; what is being written, or never became whole, is hidden."""
+    return sorted(
+        path for path in logs.glob(f"*/{MANIFEST}") if not path.parent.name.startswith(".")
+    )

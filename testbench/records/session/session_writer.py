@@ -7,7 +7,6 @@ import hashlib
 import os
 import platform
 import re
-import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import datetime
@@ -21,9 +20,15 @@ from testbench.clock import utc_text
 from testbench.exceptions import SessionError, StorageError
 from testbench.records.disk.journal import Journal, compact
 from testbench.records.disk.json_file import plain_values
-from testbench.records.disk.replacing import disk_reason, write_text
+from testbench.records.disk.replacing import REASONS, disk_reason, write_text
 from testbench.records.disk.tables import Columns, write_parquet
-from testbench.records.session.layout import EVENTS, MANIFEST, journal_file, table_file
+from testbench.records.session.layout import (
+    EVENTS,
+    MANIFEST,
+    is_raw,
+    journal_file,
+    table_file,
+)
 from testbench.records.session.manifest import SCHEMA_VERSION, Manifest, RunStatus
 from testbench.records.session.session import Event, Session
 from testbench.records.specs.protocol import Analysis
@@ -45,9 +50,12 @@ class SessionWriter:
         details: Further entries of the manifest.
         announced: Whether to write the manifest at once, with which the folder becomes a session;
             else `announce` does.
+        folder: Empty folder to write to, which takes the name `path` once it is whole; `path`
+            itself is made if None.
 
     Raises:
         SessionError: The folder exists or cannot be made.
+        StorageError: The disk does not take it.
     """
 
     def __init__(
@@ -58,14 +66,11 @@ class SessionWriter:
         started: datetime,
         details: Mapping[str, Any] | None = None,
         announced: bool = True,
+        folder: Path | None = None,
     ):
-        self.path = path
-        try:
-            path.mkdir(parents=True)
-        except OSError as error:
-            raise SessionError(
-                f"the session folder {path} cannot be made: {disk_reason(error)}"
-            ) from None
+        self.path, self._shown = folder or path, path
+        if folder is None:
+            make_folder(path)
         content = {
             "schema_version": SCHEMA_VERSION,
             "session": path.name,
@@ -82,7 +87,7 @@ class SessionWriter:
         }
         self.manifest = Manifest.of(plain_values(content), path / MANIFEST)
         self._journals: dict[str, Journal] = {}
-        self._events = (path / EVENTS).open("w", encoding="utf-8")
+        self._events = (self.path / EVENTS).open("w", encoding="utf-8")
         fcntl.flock(
             self._events, fcntl.LOCK_EX
         )  # held while this process lives: nobody recovers a running session
@@ -104,7 +109,7 @@ class SessionWriter:
             SessionError: The session cannot be read, or is being recorded.
         """
         writer = cls.__new__(cls)
-        writer.path, writer._journals = path, {}
+        writer.path, writer._shown, writer._journals = path, path, {}
         manifest = Manifest.read(path)
         writer._events = _appended(path / EVENTS)
         try:
@@ -219,17 +224,7 @@ class SessionWriter:
         try:
             yield
         except OSError as error:
-            raise StorageError(f"{self.path} cannot be written: {disk_reason(error)}") from None
-
-    def discard(self) -> None:
-        """Undo: remove the folder with all that was written.
-
-        For imports, whose source still exists.
-        """
-        for journal in self._journals.values():
-            journal.close()
-        self.sync_events()
-        shutil.rmtree(self.path)
+            raise StorageError(f"{self._shown} cannot be written: {disk_reason(error)}") from None
 
     def sync_events(self) -> None:
         """Close the list of events."""
@@ -240,6 +235,20 @@ class SessionWriter:
 
     def _write_manifest(self) -> None:
         self.manifest.write(self.path)
+
+
+def make_folder(path: Path) -> None:
+    """Make the folder of a session.
+
+    Raises:
+        SessionError: It exists, or there is no such place.
+        StorageError: The disk does not take it.
+    """
+    try:
+        path.mkdir(parents=True)
+    except OSError as error:
+        refused = StorageError if error.errno in REASONS else SessionError
+        raise refused(f"the session folder {path} cannot be made: {disk_reason(error)}") from None
 
 
 def note_end(session: Session, event: Event) -> None:
@@ -270,9 +279,7 @@ def _appended(events: Path) -> TextIOWrapper:
 def file_hashes(folder: Path) -> dict[str, str]:
     """SHA-256 of every raw file of a session."""
     hashes = {}
-    for path in sorted(
-        path for path in folder.iterdir() if path.is_file() and path.name != MANIFEST
-    ):
+    for path in sorted(path for path in folder.iterdir() if path.is_file() and is_raw(path.name)):
         with path.open("rb") as file:  # in pieces: a long recording does not fit in memory
             hashes[path.name] = hashlib.file_digest(file, "sha256").hexdigest()
     return hashes

@@ -3,6 +3,6 @@ rerun.
 """
 
 from testbench.reporting.viewer.process import screenshot, view
-from testbench.reporting.viewer.recording import save_recording
+from testbench.reporting.viewer.recording import save_recording, write_recording
 
-__all__ = ["save_recording", "screenshot", "view"]
+__all__ = ["save_recording", "screenshot", "view", "write_recording"]

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import rerun as rr
@@ -32,6 +37,9 @@ from testbench.reporting.viewer.signals import (
     unjudged_joints,
 )
 
+PIECE = 1 << 20
+"""Bytes that are handed on together."""
+
 
 def save_recording(
     session: Session,
@@ -51,18 +59,83 @@ def save_recording(
 
     Returns:
         The path.
+
+    Raises:
+        InputError: There is no such place.
+        StorageError: The disk does not take it.
     """
     path = Path(path)
+    with stored_where_asked(path), replaced_file(path) as partial:
+        write_recording(session, partial, estimate, evaluation)
+    return path
+
+
+def write_recording(
+    session: Session,
+    file: Path,
+    estimate: Estimate | None = None,
+    evaluation: Evaluation | None = None,
+) -> None:
+    """The same straight into a file, which somebody else gives its name once it is whole.
+
+    Args:
+        session: The recording.
+        file: To write.
+        estimate: Of its orientations, as for `save_recording`.
+        evaluation: Of its errors, likewise.
+
+    Raises:
+        OSError: The disk does not take it.
+    """
     with session_lock(session.path):
         estimate = estimate or load_estimate(session)
         evaluation = evaluation or load_evaluation(session)
     arm = session.arm()
     recording = rr.RecordingStream("testbench", recording_id=session.name, send_properties=False)
-    with stored_where_asked(path), replaced_file(path) as partial, recording:
-        recording.save(partial)
-        _log(recording, session, estimate, evaluation, arm)
-        recording.disconnect()
-    return path
+    with _drained(file) as pipe, recording:
+        try:
+            recording.save(pipe)
+            _log(recording, session, estimate, evaluation, arm)
+        finally:
+            recording.disconnect()  # who drains waits for the end
+
+
+@contextmanager
+def _drained(file: Path) -> Iterator[Path]:
+    """The end of a pipe to write to, whose content is written to a file.
+
+    The recorder waits for ever for a disk that is full, or ends without saying so: it is given
+    something that takes everything, and what the disk does not take is known here.
+
+    Args:
+        file: That the content goes to.
+
+    Yields:
+        Where to write, as a file that can be opened once.
+
+    Raises:
+        OSError: The disk does not take it.
+    """
+    out, into = os.pipe()
+    with ThreadPoolExecutor(1) as thread:
+        written = thread.submit(_drain, out, file)
+        try:
+            yield Path(f"/dev/fd/{into}")
+        finally:
+            os.close(into)
+        written.result()
+
+
+def _drain(out: int, file: Path) -> None:
+    """Write what comes from a pipe to a file; what the disk does not take is taken all the same."""
+    with os.fdopen(out, "rb", buffering=0) as source:
+        try:
+            with file.open("wb") as target:
+                shutil.copyfileobj(source, target, PIECE)
+        except OSError:
+            while source.read(PIECE):
+                pass
+            raise
 
 
 def _log(

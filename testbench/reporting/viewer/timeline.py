@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from testbench.model.statistics.intervals import median_interval
+
 TIMELINE = "host_time"
 
 
@@ -37,7 +39,7 @@ def every(time_ns: np.ndarray, rate: float) -> slice:
     """
     if len(time_ns) < 2:
         return slice(None)
-    interval = float(np.median(np.diff(time_ns))) * 1e-9
+    interval = median_interval(time_ns) * 1e-9
     return slice(None, None, max(1, round(1 / (rate * interval)))) if interval > 0 else slice(None)
 
 

@@ -336,7 +336,7 @@ def test_the_command_judges_the_filters_and_a_file_and_its_exit_code_tells(tmp_p
     assert good.exit_code == 0
     assert json.loads(good.stdout)["passed"] is True
     bad = runner.invoke(app, ["filters", "--self-test", "--json", f"{file}:Mine"])
-    assert bad.exit_code == 1
+    assert bad.exit_code == 2
     (report,) = json.loads(bad.stdout)["filters"]
     assert "taken as deg/s" in report["reason"] and not report["passed"]
     table = runner.invoke(app, ["filters", "--self-test", f"{file}:Mine"])
