@@ -325,6 +325,7 @@ def test_the_search_for_clocks_and_random_state_finds_them(
 SLEEPERS = {
     "drivers/test_serial_line.py": "a pseudo-terminal",
     "execution/test_record.py": "a pseudo-terminal",
+    "benchmarks/networks.py": "makers' client libraries",
     "emulated_arms.py": "makers' client libraries",
     "system/test_real_clients.py": "makers' client libraries",
 }
