@@ -55,6 +55,11 @@ def _in_utc(moment: datetime) -> datetime:
     return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
+def real_time_ns() -> int:
+    """This machine's real time, as the kernel stamps what arrives [ns since 1970]."""
+    return time.time_ns()
+
+
 class SystemClock:
     """The clock of this machine."""
 

@@ -31,9 +31,9 @@ from testbench.records.session.session import RunStatus, Session, list_sessions
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND_PORT = 1502
 """Of emulated xArms; 502 needs privileges."""
-PATIENT = {"tracking": 3.0, "arm_silence": 20.0, "host_silence": 60.0}
+PATIENT = {"tracking": 3.0, "arm_silence": 20.0, "host_silence": 60.0, "stuck": 20.0}
 """Of the driving process on a machine that may be busy: no stall of this machine looks like a fault
-of the arm [rad, s, s].
+of the arm [rad, s, s, s].
 """
 _numbers = itertools.count(2)
 
@@ -150,7 +150,7 @@ def faulted_session(logs: Path, kinds: set[str]) -> Session:
     assert session.status is RunStatus.ERROR
     assert not list(session.path.glob("*.arrows"))
     (told,) = [event for event in session.events if event.event == "arm_fault"]
-    assert told.details["fault"] in kinds
+    assert told.details["fault"] in kinds, told.details
     assert session.events[-1].event == "run_error"
     arm = session.arm()
     assert arm is not None and len(arm.host_time_ns) > 5

@@ -326,6 +326,7 @@ SLEEPERS = {
     "drivers/fake_dots.py": "the loop of asyncio that a Bluetooth library runs on",
     "drivers/test_serial_line.py": "a pseudo-terminal",
     "execution/test_record.py": "a pseudo-terminal",
+    "benchmarks/networks.py": "makers' client libraries",
     "emulated_arms.py": "makers' client libraries",
     "lock_step/link.py": "waits on the virtual clock",
     "lock_step/serial_board.py": "waits on the virtual clock",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from inspect import Parameter, Signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +17,9 @@ from testbench.emulation.catalogue import EMULATED, EmulatedArm, emulated
 
 if TYPE_CHECKING:
     from testbench.emulation.server import Server
+
+REALTIME_PRIORITY = 15
+"""Of the first-in-first-out class, below that of the process that drives an arm."""
 
 emulate = typer.Typer(
     help="Emulate hardware on this machine, to rehearse without it.", no_args_is_help=True
@@ -28,6 +33,15 @@ def _emulate() -> None:
 
 AddressOption = Annotated[
     str, typer.Option("--address", help="Address to listen on; the ports are the controller's own.")
+]
+ShiftOption = Annotated[
+    int,
+    typer.Option(
+        "--port-shift",
+        min=-29000,
+        max=35000,
+        help="Added to the number of each port but --command-port, for clients that can be told.",
+    ),
 ]
 TokenOption = Annotated[
     str | None,
@@ -57,6 +71,7 @@ def _command(arm: EmulatedArm) -> Callable[..., None]:
             arm=arm.name,
             model=given["model"],
             address=given["address"],
+            port_shift=given["port_shift"],
             scenario=given["scenario"],
             at_deg=_angles(given["at"]),
             seed=given["seed"],
@@ -70,6 +85,7 @@ def _command(arm: EmulatedArm) -> Callable[..., None]:
     options: dict[str, tuple[Any, Any]] = {
         "model": (Annotated[str, model], arm.model),
         "address": (AddressOption, "127.0.0.1"),
+        "port_shift": (ShiftOption, 0),
         "token": (TokenOption, None),
         "scenario": (ScenarioOption, None),
     }
@@ -92,6 +108,32 @@ for _arm in EMULATED:
     emulate.command(_arm.name)(_command(_arm))
 
 
+@emulate.command("proxy")
+def _proxy(
+    target: Annotated[str, typer.Option("--target", help="Address of the emulated controller.")],
+    address: Annotated[
+        str, typer.Option("--address", help="Loopback address to listen on.")
+    ] = "127.0.0.2",
+    ports: Annotated[
+        str, typer.Option("--ports", metavar="PORT,PORT,...", help="Ports that are passed on.")
+    ] = ",".join(str(port) for port in EMULATED[0].ports),
+    seed: SeedOption = 0,
+) -> None:
+    """Put a bad network before an emulated controller until Ctrl-C; port 29998 takes faults."""
+    from testbench.emulation.proxy import Proxy
+    from testbench.exceptions import InputError
+
+    numbers = ports.split(",")
+    if not all(number.isdigit() and 0 < int(number) < 65536 for number in numbers):
+        raise InputError(f"--ports {ports}: must be numbers of ports, separated by commas")
+    proxy = Proxy(address, target, map(int, numbers), seed)
+    say(f"ports {ports} of {target} at {address}, faults 29998; Ctrl-C ends it")
+    sys.stdout.flush()
+    with suppress(KeyboardInterrupt):
+        proxy.run(lambda text: print(text, flush=True))
+    proxy.close()
+
+
 def _angles(at: str | None) -> tuple[float, ...] | None:
     from testbench.exceptions import InputError
 
@@ -104,8 +146,12 @@ def _angles(at: str | None) -> tuple[float, ...] | None:
 
 
 def _run(server: Server) -> None:
-    """Serve until Ctrl-C."""
+    """Serve until Ctrl-C, with real-time priority where the system lets it: a controller is not
+    held up by what else this machine does.
+    """
     sys.stdout.flush()
+    with suppress(OSError, AttributeError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))
     try:
         server.run(lambda text: print(text, flush=True))
     except KeyboardInterrupt:

@@ -51,8 +51,10 @@ class EmulatedArm:
         help: A sentence.
         model: The arm that is emulated where nobody says.
         models: Those that can be.
-        served_by: `module:function`, called with model, address, token, joint angles at the start
-            [deg], seed of the encoders' noise, file of faults, and the own options by their names.
+        served_by: `module:function`, called with model, address, shift of the ports' numbers,
+            token, joint angles at the start [deg], seed of the encoders' noise, file of faults, and
+            the own options by their names.
+        ports: Of its clients, as the controller has them.
         options: Its own.
     """
 
@@ -61,6 +63,7 @@ class EmulatedArm:
     model: str
     models: str
     served_by: str
+    ports: tuple[int, ...]
     options: tuple[OwnOption, ...] = ()
 
     def server(self, asked: EmulationRequest, token: str | None = None) -> Server:
@@ -82,6 +85,7 @@ class EmulatedArm:
         server: Server = getattr(import_module(module), function)(
             model=asked.model or self.model,
             address=asked.address,
+            port_shift=asked.port_shift,
             token=token,
             at_deg=None if asked.at_deg is None else list(asked.at_deg),
             seed=asked.seed,
@@ -98,6 +102,7 @@ EMULATED = (
         "ur3e",
         "ur3e, ur5e or ur10e",
         "testbench.emulation.ur.setup:make_server",
+        (29999, 30001, 30002, 30003, 30004),
         (
             OwnOption("polyscope", "Version that the controller claims."),
             OwnOption("local_control", "Start out of remote control.", default=False),
@@ -109,6 +114,7 @@ EMULATED = (
         "xarm6",
         "xarm6",
         "testbench.emulation.xarm.setup:make_server",
+        (502, 30000, 30002),
         (
             OwnOption("firmware", "Version that the controller claims."),
             OwnOption(

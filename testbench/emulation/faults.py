@@ -14,6 +14,7 @@ from testbench.exceptions import InputError
 from testbench.records.disk.yaml_file import load_yaml
 from testbench.records.specs.strict import StrictModel
 
+VERBS = {"fault", "clear", "status", "clock", "quit"}
 MOST_STEP_S = 60.0
 """Of the controller's clock."""
 
@@ -140,7 +141,7 @@ def load_scenario(path: Path, kind: type[AnyScenario]) -> AnyScenario:
 
 
 def parse_command(text: str, known: Mapping[str, FaultKind]) -> tuple[str, str, float | None]:
-    """Verb ("fault", "clear", "status", "quit"), name and value of a line of the control port.
+    """Verb (one of `VERBS`), name and value of a line of the control port.
 
     Args:
         text: The line.
@@ -150,8 +151,8 @@ def parse_command(text: str, known: Mapping[str, FaultKind]) -> tuple[str, str, 
         InputError: It is none of these, or the fault cannot have the value.
     """
     words = text.split()
-    usage = "say: fault NAME [VALUE], clear, status or quit"
-    if not words or words[0] not in {"fault", "clear", "status", "quit"} or len(words) > 3:
+    usage = "say: fault NAME [VALUE], clear, status, clock or quit"
+    if not words or words[0] not in VERBS or len(words) > 3:
         raise InputError(usage)
     if words[0] != "fault":
         return words[0], "", None

@@ -16,6 +16,7 @@ class EmulationRequest(Asked):
     arm: str = Field(description="Of the catalogue of emulated controllers, by its name.")
     model: str | None = Field(default=None, description="The arm; the controller's usual if null.")
     address: str = Field(default="127.0.0.1", description="To listen on.")
+    port_shift: int = Field(default=0, description="Added to the number of each port.")
     scenario: Place | None = Field(default=None, description="YAML file of faults to come.")
     at_deg: tuple[float, ...] | None = Field(
         default=None, description="Joint angles at the start [deg]; home if null."

@@ -22,6 +22,7 @@ from testbench.frames import NANOSECONDS
 
 CONTROL, CONTROL_PORT = "control", 29998
 """The emulators' own port, for faults."""
+LAST_PORT = 65535
 LARGEST_TEXT = 1_000_000
 MOST_CONNECTIONS = 64
 REPORTED_TICKS = 250
@@ -92,6 +93,8 @@ class Connection:
             controller.clear()
         elif verb == "quit":
             self.server.stop_asked = True
+        elif verb == "clock":
+            return str(self.server.offset_ns)
         else:
             return controller.status()
         return "ok"
@@ -107,9 +110,11 @@ class Server(ABC):
         token: What a client must say on port 29998 before any port answers it; needed for an
             address that is not loopback.
         clock: What the control periods go by; the machine's if None.
+        port_shift: Added to the number of every port, that for faults too.
 
     Raises:
-        InputError: The address is none, is not loopback and has no token, or a port is taken.
+        InputError: The address is none, is not loopback and has no token, a port is taken, or would
+            be none.
 
     Attributes:
         faults: Those that the controller knows.
@@ -127,6 +132,7 @@ class Server(ABC):
         address: str = "127.0.0.1",
         token: str | None = None,
         clock: Clock | None = None,
+        port_shift: int = 0,
     ):
         self.clock = clock or SystemClock()
         try:
@@ -146,7 +152,11 @@ class Server(ABC):
         self._later: list[tuple[int, int, Callable[[], None]]] = []
         self._number = count()
         self.stop_asked = False
-        self.kinds = {CONTROL_PORT: CONTROL, **ports}
+        self.kinds = {
+            port + port_shift: kind for port, kind in {CONTROL_PORT: CONTROL, **ports}.items()
+        }
+        if not all(0 < port <= LAST_PORT for port in self.kinds):
+            raise InputError(f"ports shifted by {port_shift} would not be from 1 to {LAST_PORT}")
         self._said = 0
         self._period_ns = round(controller.joints.period * NANOSECONDS)
         self.begin()
@@ -199,6 +209,12 @@ class Server(ABC):
     def due_ns(self) -> int:
         """When the next control period begins, on the clock [ns]."""
         return self._due_ns
+
+    @property
+    def offset_ns(self) -> int:
+        """Host's monotonic time less that of the controller's stamps [ns], as it truly is."""
+        next_stamp = self.controller.stamp + self._period_ns / NANOSECONDS
+        return self._due_ns - round(next_stamp * NANOSECONDS)
 
     def begin(self) -> None:
         """The first control period begins one period from now."""
@@ -320,6 +336,11 @@ class Server(ABC):
             return
         except OSError:
             data = b""
+        # This process may have been held up since it looked at the clock: what was sent meanwhile
+        # must not act in a period that was over when it was sent.
+        self._catch_up()
+        if connection.socket not in self._connections:
+            return
         if data:
             connection.received(data)
         else:

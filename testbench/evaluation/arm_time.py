@@ -29,6 +29,12 @@ FOLLOWING_NS = 20_000_000
 """A step that begins later after the one before may have a way of its own between them [ns]."""
 MISSED_SHARE = 0.01
 """A larger share of the controller's samples that did not come is told."""
+UNSURE_S = 0.002
+"""Arm times that may be off by more are doubtful [s]: at 131 deg/s, the speed of quick protocols,
+that is 0.26 deg.
+"""
+DOUBTS = frozenset(f"arm_time.{kind}" for kind in ("early", "missed", "step", "doubtful", "unsure"))
+"""Codes of findings after which no session passes: when the arm was where is not sure enough."""
 
 
 def arm_findings(session: Session) -> list[Finding]:
@@ -51,6 +57,9 @@ def arm_findings(session: Session) -> list[Finding]:
     if early:
         lead = max(early) / NANOSECONDS
         found.append(finding("arm_time.early", lead_s=lead, early=len(early), steps=steps))
+    unsure = session.manifest.arm.timing.clock_unsure_s
+    if unsure > UNSURE_S:
+        found.append(finding("arm_time.unsure", unsure_ms=1e3 * unsure, sure_ms=1e3 * UNSURE_S))
     missed = session.manifest.arm.timing.samples_missed
     if missed > MISSED_SHARE * (missed + count) or (missed and gap_ns > WIDEST_GAP_NS):
         found.append(

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.evaluation.angle_errors import angle_error_rows, convention_findings
+from testbench.evaluation.arm_time import DOUBTS as ARM_TIME_DOUBTS
 from testbench.evaluation.arm_time import arm_findings
 from testbench.evaluation.budgets import TrueArm, flexion_time_sd, joint_budgets, sensor_budgets
 from testbench.evaluation.chain import judge_chain
@@ -126,6 +127,8 @@ def evaluate(
         session.status is not RunStatus.COMPLETED
     ):  # part of what was to be judged is missing: it cannot have passed
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
+    elif any(own.code in ARM_TIME_DOUBTS for own in tables.findings):
+        outcome = max(outcome, Outcome.MARGINAL, key=SEVERITY.index)
     return Evaluation(**vars(tables), session=session.name, metrics=metrics, outcome=outcome)
 
 

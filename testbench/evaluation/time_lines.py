@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.evaluation.arm_time import UNSURE_S
 from testbench.evaluation.uncertainty import Stated
 from testbench.frames import NANOSECONDS
 from testbench.model.statistics.intervals import median_interval
@@ -114,6 +115,7 @@ def _interval(time_ns: np.ndarray) -> float:
 
 def _arm_doubt(session: Session) -> float:
     """The largest doubt that the driver told of [s]."""
+    unsure = session.manifest.arm.timing.clock_unsure_s
     arm = session.manifest.arm.record
     if session.robot is None or arm is None or arm.simulated:
         return 0.0
@@ -122,7 +124,8 @@ def _arm_doubt(session: Session) -> float:
         for event in session.events
         if event.event in ("arm_time_step", "arm_time_doubtful")
     ]
-    return max((abs(value) for value in told if isinstance(value, int | float)), default=0.0)
+    doubts = [abs(value) for value in told if isinstance(value, int | float)]
+    return max([*doubts, unsure if unsure > UNSURE_S else 0.0])
 
 
 def clock_source(sensor: str, clock: ClockFit, motion: JudgedMotion) -> UncertaintySource | None:
@@ -210,6 +213,7 @@ def arm_time_source(doubt: TimeDoubt, motion: JudgedMotion) -> UncertaintySource
         "B",
         1e3 * doubt.arm_s,
         "ms",
-        "the largest step or lead of the controller's clock that the driver told of",
+        "the largest step or lead of the controller's clock that the driver told of, or how late "
+        "its samples came",
         distribution="rectangular",
     ).source(abs(motion.mean_rate) * 1e-3, motion.rms_rate * 1e-3)

@@ -80,6 +80,9 @@ class _Sensor:
 
     heard_ns: int = 0
     last_device_ns: int | None = None
+    last_host_ns: int | None = None
+    last_reading: np.ndarray | None = None
+    moved_ns: dict[str, int] = field(default_factory=dict)
     norms: list[float] = field(default_factory=list)
 
 
@@ -91,14 +94,15 @@ class GuardWatch:
     Args:
         guards: Limits and actions.
         sensors: Names.
+        live: Whether they are devices; simulated ones may well say the same for long.
 
     Attributes:
         counts: How often each limit was broken, told or not, by "guard of subject".
         told: How often that was told.
     """
 
-    def __init__(self, guards: Guards, sensors: list[str]):
-        self.guards = guards
+    def __init__(self, guards: Guards, sensors: list[str], live: bool = False):
+        self.guards, self._live = guards, live
         self._sensors = {name: _Sensor() for name in sensors}
         self._limits: dict[tuple[str, str], _Limit] = {}
         self._now_ns = 0
@@ -139,6 +143,9 @@ class GuardWatch:
             known = self._sensors[name]
             if len(samples):
                 known.heard_ns = now_ns
+                if self._live:
+                    for guard, value in self._liveliness(known, samples).items():
+                        self._judge(trips, guard, name, value)
                 self._judge(trips, "sample_gap_s", name, self._largest_gap(known, samples))
                 self._judge(
                     trips, "magnetic_disturbance_percent", name, self._disturbance(known, samples)
@@ -183,6 +190,33 @@ class GuardWatch:
             if known.calm_since_ns is not None and self._now_ns - known.calm_since_ns >= CALM_NS:
                 known.told = False
         known.broken = broken
+
+    @staticmethod
+    def _liveliness(known: _Sensor, samples: ImuSamples) -> dict[str, float | None]:
+        """For how long time and readings stand still, and the longest wait for a sample [s], by
+        guard.
+        """
+        device, host = samples.device_time_ns, samples.host_time_ns
+        reading = np.column_stack([samples.gyr, samples.acc])
+        gap = None
+        if known.last_host_ns is None:
+            known.moved_ns = dict.fromkeys(("stuck_time_s", "stuck_reading_s"), int(host[0]))
+        else:
+            gap = float(np.diff(host, prepend=known.last_host_ns).max()) / NANOSECONDS
+        before = device[0] if known.last_device_ns is None else known.last_device_ns
+        rows = reading[:1] if known.last_reading is None else known.last_reading[None]
+        moved = {
+            "stuck_time_s": np.diff(device, prepend=before) != 0,
+            "stuck_reading_s": (np.diff(reading, axis=0, prepend=rows) != 0).any(axis=1),
+        }
+        for guard, changes in moved.items():
+            if changes.any():
+                known.moved_ns[guard] = int(host[np.flatnonzero(changes)[-1]])
+        known.last_host_ns, known.last_reading = int(host[-1]), reading[-1]
+        stuck = {
+            guard: (int(host[-1]) - since) / NANOSECONDS for guard, since in known.moved_ns.items()
+        }
+        return {**stuck, "arrival_gap_s": gap}
 
     @staticmethod
     def _largest_gap(known: _Sensor, samples: ImuSamples) -> float | None:

@@ -12,6 +12,7 @@ from contextlib import suppress
 
 from testbench.drivers.arms.base import SteppingArm
 from testbench.exceptions import BenchError, RunInterrupted, StorageError
+from testbench.execution.device_words import DeviceWords
 from testbench.execution.guards import GuardTripped, GuardWatch
 from testbench.execution.operator import Operator, operator_requests
 from testbench.execution.options import RunOptions
@@ -49,7 +50,9 @@ class RunLoop:
         self.options, self.plan = options, plan
         guards = plan.protocol.spec.guards if plan is not None else None
         guards = guards or arm.usual_guards
-        self.guards = GuardWatch(guards, list(sensors.imus)) if guards is not None else None
+        live = not sensors.are_simulated
+        self.guards = GuardWatch(guards, list(sensors.imus), live) if guards is not None else None
+        self.words = DeviceWords()
         self.machine = StateMachine(recorder.state_event if arm.attended else _unnoted)
         self.pausing = Pausing(arm, recorder, self.machine, options.say)
         self.now_ns = 0
@@ -155,6 +158,8 @@ class RunLoop:
         """Keep what happened to the sensors, such as a lost connection; the same by name."""
         happened = {name: imu.events() for name, imu in self.sensors.imus.items()}
         self.recorder.device_events(happened)
+        for line in self.words.lines(happened):
+            self.options.say(line)
         return happened
 
     def _come_to_rest(self, error: BaseException | None, interrupted: bool) -> BaseException | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
+from tests.benchmarks.arm_times import bench_arm_times
 from tests.benchmarks.coverage import bench_coverage
 from tests.benchmarks.crash_points import bench_crash_points
 from tests.benchmarks.crashes import bench_crashes
@@ -19,10 +20,12 @@ from tests.benchmarks.lack_of_fit import bench_lack_of_fit
 from tests.benchmarks.lasting_errors import bench_lasting_errors
 from tests.benchmarks.mutated_imports import bench_mutated_imports
 from tests.benchmarks.mutations import bench_mutations
+from tests.benchmarks.networks import bench_networks
 from tests.benchmarks.placements import bench_placements
 from tests.benchmarks.same_part import bench_same_part
 
 CAMPAIGNS: list[Callable[[], bool]] = [
+    bench_arm_times,
     bench_intervals,
     bench_coverage,
     bench_crashes,
@@ -35,6 +38,7 @@ CAMPAIGNS: list[Callable[[], bool]] = [
     bench_lasting_errors,
     bench_mutations,
     bench_mutated_imports,
+    bench_networks,
     bench_placements,
     bench_same_part,
 ]

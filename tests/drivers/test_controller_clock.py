@@ -64,7 +64,43 @@ def test_packages_that_come_late_for_minutes_do_not_move_the_clock(packages):
     assert packages.clock.steps() == []
 
 
-def test_stamps_that_fall_behind_are_followed_at_once_where_an_effect_precedes_its_cause(packages):
+@pytest.mark.parametrize("delay_s", [0.0, 0.3])
+@pytest.mark.parametrize("behind_s", [0.02, 0.4])
+def test_stamps_that_go_back_are_followed_as_soon_as_ten_packages_bear_it_out(
+    packages, behind_s, delay_s
+):
+    packages.delay = round(delay_s * SECOND)
+    packages.send(100)
+    packages.shift = -round(behind_s * SECOND)
+    packages.send(9)
+    assert packages.error == pytest.approx(-behind_s * SECOND, abs=2_000_000)
+    packages.send(1)
+    assert abs(packages.error - LEAST) < 2_000_000
+    (step,) = packages.clock.steps()
+    assert step.by_ns == pytest.approx(behind_s * SECOND, abs=2_000_000)
+
+
+def test_stamps_that_go_back_alone_prove_nothing(packages):
+    packages.send(100)
+    before = packages.clock.offset_ns
+    packages.clock.host_ns(packages.stamp - 20_000_000, packages.arrived + 1)
+    packages.send(100)
+    assert packages.clock.steps() == []
+    assert packages.clock.offset_ns == pytest.approx(before, abs=1_000_000)
+
+
+def test_how_sure_the_times_are_follows_from_answers_and_from_the_least_late_of_each_block(
+    packages,
+):
+    packages.clock.round_trip_ns = 700_000
+    assert packages.clock.unsure_ns == pytest.approx(700_000, abs=300_000)
+    packages.delay = 6_000_000
+    packages.send(2000)
+    assert packages.clock.unsure_ns == pytest.approx(6_700_000, abs=1_500_000)
+
+
+def test_stamps_that_fall_behind_in_a_gap_are_followed_where_an_effect_precedes_its_cause(packages):
+    packages.now += SECOND
     packages.shift = -SECOND // 2
     packages.send(100)
     assert packages.error == pytest.approx(-SECOND / 2, abs=2_000_000), "nothing has proved it yet"

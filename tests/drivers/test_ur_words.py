@@ -46,8 +46,9 @@ def test_where_the_arm_is_nobody_knows_after_a_silence():
 
 def client(clock: FakeClock, running: bool = False) -> UrClient:
     made = UrClient(UrSettings("127.0.0.1", watchdog=0.1), clock)
-    made._control = SimpleNamespace(isProgramRunning=lambda: running)
-    made._receive = SimpleNamespace(isConnected=lambda: True)
+    made._control = SimpleNamespace(isConnected=lambda: True)
+    made._stream = SimpleNamespace(ended="", garbled=False, take=list)
+    made.may_move = running
     made._modes, made._program_seen = (7, 1), True
     return made
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -13,8 +14,12 @@ import pytest
 
 from testbench.evaluation.arm_time import arm_findings
 from testbench.evaluation.left_out import left_out
+from testbench.evaluation.time_lines import TimeDoubt
+from testbench.pipeline.analyse import analyse
+from testbench.records.results.evaluation import Outcome
 from testbench.records.session.plan import PlannedStep
 from testbench.records.session.session import Session
+from tests.asking import analysis
 from tests.told import told
 
 SECOND = 1_000_000_000
@@ -94,6 +99,25 @@ def test_what_the_driver_found_of_the_clocks_is_told(copied):
     first, second = told(arm_findings(Session(copied)))
     assert "parted by 0.4 s before 3.0 s" in first
     assert "doubtful by 0.03 s at 4.0 s" in second
+
+
+def test_times_that_may_be_off_are_told_and_are_a_line_of_the_budget(copied):
+    changed_manifest(copied, timing={"clock_unsure_s": 0.0019})
+    assert told(arm_findings(Session(copied))) == []
+    changed_manifest(copied, timing={"clock_unsure_s": 0.013})
+    (note,) = told(arm_findings(Session(copied)))
+    assert note.startswith("arm time may be off by 13 ms")
+    estimate = SimpleNamespace(sensors={})
+    assert TimeDoubt.of(Session(copied), estimate).arm_s == 0.013
+
+
+def test_where_arm_time_is_doubtful_nothing_is_passed(copied):
+    manifest = json.loads((copied / "manifest.json").read_text())
+    manifest["analysis"]["accept"] = [{"metric": "hand.total_rmse_deg", "max": 90}]
+    (copied / "manifest.json").write_text(json.dumps(manifest))
+    assert analyse(Session(copied), analysis("device")).evaluation.outcome is Outcome.PASS
+    changed_manifest(copied, timing={"clock_unsure_s": 0.003})
+    assert analyse(Session(copied), analysis("device")).evaluation.outcome is Outcome.MARGINAL
 
 
 def step(index: int, kind: str = "move", section: str = "static") -> PlannedStep:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from testbench import execute, plan
 from testbench.exceptions import ArmRefused, BenchError
 from testbench.execution import RunOptions
 from testbench.execution.checklist import HAZARDS, confirm_hazards
+from testbench.execution.device_words import DeviceWords
 from testbench.execution.guards import GuardWatch, Trip
 from testbench.execution.operator import Operator
 from testbench.execution.state_machine import FOLLOWING, RunState, StateMachine
@@ -219,3 +221,79 @@ def test_between_two_warnings_the_field_was_clearly_below_for_three_seconds(perc
 def test_the_value_is_visibly_beyond_its_limit(value, shown):
     trip = Trip("magnetic_disturbance_percent", "hand", value, 20.0, "warn")
     assert trip.sentence == f"magnetic disturbance of hand: {shown} %, the limit is 20 %"
+
+
+def board(
+    times_s: np.ndarray, device_s: np.ndarray | None = None, noise: float = 0.01
+) -> ImuSamples:
+    """Samples of a board that noise makes differ."""
+    samples = imu(times_s)
+    rng = np.random.default_rng(len(times_s))
+    device = times_s if device_s is None else device_s
+    return replace(
+        samples,
+        device_time_ns=np.round(device * SECOND).astype(np.int64),
+        gyr=noise * rng.standard_normal((len(times_s), 3)),
+    )
+
+
+def heard(samples: ImuSamples, live: bool = True) -> list[tuple[str, float]]:
+    """What the usual guards say of a board, looked at every tenth of a second, and when [s]."""
+    watch, told = GuardWatch(Guards(), ["hand"], live), []
+    for now in np.arange(0.1, samples.host_time_ns[-1] / SECOND, 0.1):
+        chosen = (samples.host_time_ns <= now * SECOND) & (
+            samples.host_time_ns > (now - 0.1) * SECOND
+        )
+        part = {name: values[chosen] for name, values in samples.to_columns().items()}
+        chunk = ImuSamples.from_columns(part)
+        trips = watch.look(round(now * SECOND), arm(), {"hand": chunk})
+        told += [(trip.guard, now) for trip in trips]
+    return told
+
+
+TIMES = np.arange(0.01, 4, 0.01)
+FROM = np.minimum(TIMES, 1.5)
+"""A clock that stands still from 1.5 s on."""
+BURSTS = np.ceil(TIMES)
+
+
+@pytest.mark.parametrize(
+    ("samples", "guard"),
+    [
+        (board(TIMES, FROM), "stuck_time_s"),
+        (board(TIMES, noise=0.0), "stuck_reading_s"),
+        (board(BURSTS, TIMES), "arrival_gap_s"),
+    ],
+    ids=["frozen time", "one line for ever", "bursts"],
+)
+def test_a_live_board_that_sticks_or_comes_in_bursts_is_told_within_two_seconds(samples, guard):
+    begin = 1.5 if guard == "stuck_time_s" else 0.0
+    (first, when), *more = heard(samples)
+    assert (first, more) == (guard, []) or (guard == "arrival_gap_s" and first == guard)
+    assert begin < when <= begin + 2.0
+    assert heard(samples, live=False) == []
+
+
+def test_a_board_that_works_is_not_told_of():
+    assert heard(board(TIMES)) == []
+
+
+def test_what_happens_to_a_sensor_is_said_and_the_same_not_twice_in_ten_seconds():
+    words = DeviceWords()
+
+    def said(*events: tuple[float, str, dict]) -> list[str]:
+        happened = [Event(round(at * SECOND), name, details) for at, name, details in events]
+        return list(words.lines({"hand": happened}))
+
+    lost = ("disconnected", {"reason": "no such device"})
+    assert said((1, *lost), (1.5, "reconnected", {"gap_s": 0.5}), (2, *lost)) == [
+        "warning: hand: its connection was lost: no such device",
+        "warning: hand: it is connected again, after 0.5 s",
+    ]
+    assert said((10.9, *lost)) == []
+    assert len(said((11.1, *lost))) == 1
+    (line,) = said((20, "temperature", {}), (20, "malformed_lines", {"count": 3, "why": "is odd"}))
+    assert line.startswith(
+        "warning: hand: 3 lines within a second do not fit its format, the first"
+    )
+    assert "the first is odd;" in line

@@ -58,7 +58,7 @@ class Process:
     def wait(self, timeout: float | None = None) -> int:
         if not self._task.wait(60.0 if timeout is None else timeout):
             raise subprocess.TimeoutExpired("the driving process", timeout or 60.0)
-        return 0
+        return -9 if self._task.killed else 0
 
 
 class LockStepLink(Link):

@@ -6,9 +6,20 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Self
 
-from testbench.emulation.server import Server
+import numpy as np
+
+from testbench.emulation.disturbances import (
+    AT_ONCE,
+    DOWN,
+    UP,
+    Disturbance,
+    Disturbances,
+    Passage,
+)
+from testbench.emulation.server import CONTROL_PORT, Server
 from tests.lock_step.clock import LockStep
 
 LOOK_S = 0.001
@@ -17,38 +28,78 @@ _connect = socket.create_connection
 
 
 class Line:
-    """Our end of a connection: what callers use of a socket."""
+    """Our end of a connection: what callers use of a socket.
 
-    def __init__(self, clock: LockStep, sock: socket.socket, hear: Callable[[], None]):
+    Args:
+        clock: Of everybody.
+        sock: The end itself.
+        hear: Lets the controller hear what was sent.
+        ways: What happens to the bytes on their way to the controller, and back.
+    """
+
+    def __init__(
+        self,
+        clock: LockStep,
+        sock: socket.socket,
+        hear: Callable[[], None],
+        ways: tuple[Passage, Passage],
+    ):
         self._clock, self._socket, self._hear = clock, sock, hear
         self._timeout: float | None = None
         self._data = bytearray()
-        self.ended = False
+        self._up, self._down = ways
+        self.port = self._up.port
+        self.ended = self._deaf = self._broken = False
         sock.setblocking(False)
 
     def take(self) -> None:
         """Take in what has come, so that the other end never finds the line full."""
+        if self._socket.fileno() < 0:
+            return
+        over = False
         try:
-            while not self.ended:
-                data = self._socket.recv(65536)
-                self._data += data
-                self.ended = not data
+            while data := self._socket.recv(65536):
+                self._down.put(data, self._clock.now_ns)
+            over = True
         except BlockingIOError:
             pass
         except OSError:
-            self.ended = True
+            over = True
+        if not self.ended and not self._deaf:
+            self._data += self._down.take(self._clock.now_ns)
+        self.ended = self.ended or over
+        self._send_due()
 
     def sendall(self, data: bytes) -> None:
         if self._socket.fileno() < 0 or self.ended:
             raise BrokenPipeError("the connection is closed")
-        self._socket.sendall(data)
-        self._hear()
+        self._up.put(data, self._clock.now_ns)
+        self._send_due()
+
+    def _send_due(self) -> None:
+        due = self._up.take(self._clock.now_ns)
+        if due:
+            with suppress(OSError):
+                self._socket.sendall(due)
+            self._hear()
+
+    def suffer(self, disturbance: Disturbance) -> None:
+        """Be reset, or half closed."""
+        if disturbance.fault in {"reset", "refuse"}:
+            self._broken = True
+            self.close()
+        elif disturbance.concerns(self.port, DOWN):
+            self.ended = self._deaf = True
+        else:
+            self._socket.shutdown(socket.SHUT_WR)
 
     def recv(self, count: int, flags: int = 0) -> bytes:
         whole = count if flags & socket.MSG_WAITALL else 1
         end_ns = None if self._timeout is None else self._clock.now_ns + round(1e9 * self._timeout)
         while True:
             self.take()
+            if self._broken:
+                raise ConnectionResetError(104, "Connection reset by peer")
             if len(self._data) >= whole or self.ended:
                 data = bytes(self._data[:count])
                 del self._data[:count]
@@ -90,7 +141,7 @@ class Network:
     """
 
     def __init__(self, clock: LockStep):
-        self.clock = clock
+        self.clock, self.disturbances = clock, Disturbances()
         self.servers: dict[str, Server] = {}
         self._lines: list[Line] = []
         clock.due_ns, clock.do = self._due_ns, self._step
@@ -108,16 +159,30 @@ class Network:
         if server is None:
             return _connect(place, timeout, *others, **more)
         task = self.clock.task
-        if place[1] not in server.kinds or (task is not None and task.dying):
+        lasting = self.disturbances.of(place[1], UP)
+        refused = "refuse" in lasting and place[1] != CONTROL_PORT
+        if refused or place[1] not in server.kinds or (task is not None and task.dying):
             raise ConnectionRefusedError(111, "Connection refused")
         ours, theirs = socket.socketpair()
-        line = Line(self.clock, ours, server.serve)
+        rng = np.random.default_rng(len(self._lines))
+        up, down = (Passage(self.disturbances, place[1], way, rng) for way in (UP, DOWN))
+        line = Line(self.clock, ours, server.serve, (up, down))
         line.settimeout(timeout)
         self._lines.append(line)
         if task is not None:
             task.at_death.append(line.close)
         server.take_in(theirs, server.kinds[place[1]], place[0])
         return line
+
+    def strike(self, disturbance: Disturbance) -> None:
+        """Let the network become bad, at every port but that for faults."""
+        if disturbance.fault not in AT_ONCE:
+            self.disturbances.lasting.append(disturbance)
+        if disturbance.fault in {*AT_ONCE, "refuse"}:
+            for line in self._lines:
+                hit = any(disturbance.concerns(line.port, way) for way in (UP, DOWN))
+                if hit and line.port != CONTROL_PORT and not line.ended:
+                    line.suffer(disturbance)
 
     def close(self) -> None:
         for server in self.servers.values():

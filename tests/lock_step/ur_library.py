@@ -123,66 +123,24 @@ class Rtde:
             raise RuntimeError(f"RTDE: {error}") from None
 
 
-class Receive:
-    """`rtde_receive.RTDEReceiveInterface`."""
-
-    def __init__(
-        self,
-        network: Network,
-        host: str,
-        frequency: float,
-        variables: Sequence[str],
-        verbose: bool = False,
-        upper: bool = False,
-    ):
-        self._rtde, self._taken_ns = Rtde(network, host, frequency, variables), -1
-
-    def isConnected(self) -> bool:
-        return self._rtde.connected
-
-    def disconnect(self) -> None:
-        self._rtde.line.close()
-
-    def __getattr__(self, name: str) -> Callable[[], Any]:
-        variable, nothing = {
-            "getTimestamp": ("timestamp", 0.0),
-            "getActualQ": ("actual_q", []),
-            "getActualQd": ("actual_qd", []),
-            "getTargetQ": ("target_q", []),
-            "getActualCurrent": ("actual_current", []),
-            "getJointTemperatures": ("joint_temperatures", []),
-            "getRobotMode": ("robot_mode", 0),
-            "getSafetyMode": ("safety_mode", 0),
-            "getSafetyStatusBits": ("safety_status_bits", 0),
-            "getTargetSpeedFraction": ("target_speed_fraction", 0.0),
-            "getSpeedScaling": ("speed_scaling", 0.0),
-        }[name]
-        return lambda: self._newest().get(variable, nothing)
-
-    def _newest(self) -> dict[str, Any]:
-        """What has come until now, which the library takes in in a thread."""
-        if self._taken_ns != self._rtde.clock.now_ns:
-            self._taken_ns = self._rtde.clock.now_ns
-            self._rtde.take()
-        return self._rtde.values
-
-
 class Control:
     """`rtde_control.RTDEControlInterface`."""
 
-    FLAG_UPLOAD_SCRIPT, FLAG_UPPER_RANGE_REGISTERS, FLAG_NO_EXT_FT = 1, 2, 4
+    FLAG_NO_WAIT, FLAG_UPPER_RANGE_REGISTERS, FLAG_NO_EXT_FT = 1, 2, 4
 
     def __init__(self, network: Network, host: str, frequency: float, flags: int):
-        assert flags & self.FLAG_UPPER_RANGE_REGISTERS
+        assert flags == 7
+        self._network, self._host = network, host
         self._state = f"output_int_register_{OFFSET}"
         self._answer = f"output_int_register_{OFFSET + 1}"
         variables = [self._state, self._answer, "robot_status_bits", "safety_status_bits"]
         self._rtde = Rtde(network, host, frequency, variables)
         self._write(0, [])  # what an earlier program was last told
-        with network.connect((host, SCRIPT), 5.0) as line:
+
+    def reuploadScript(self) -> bool:
+        with self._network.connect((self._host, SCRIPT), 5.0) as line:
             line.sendall(PROGRAM.encode())
-        if not self._until(lambda: self.isProgramRunning() and self._at(script.READY), 5.0):
-            raise RuntimeError("ur_rtde: Failed to start control script, before timeout of 5 s")
+        return True
 
     def isConnected(self) -> bool:
         return self._rtde.connected
@@ -315,7 +273,6 @@ def ur_library(network: Network) -> dict[str, ModuleType]:
     """The library's modules by their names, to be put into `sys.modules`."""
     kinds: dict[str, tuple[str, type]] = {
         "rtde_control": ("RTDEControlInterface", Control),
-        "rtde_receive": ("RTDEReceiveInterface", Receive),
         "dashboard_client": ("DashboardClient", Dashboard),
     }
     modules = {}

@@ -93,14 +93,15 @@ def test_a_run_through_the_real_library_reaches_its_poses(maker, robot, plans, t
 
 SEEN_AS = {
     "ur": {
-        "disconnect": {"disconnect", "report_silence", "refused", "driver"},
+        "disconnect": {"disconnect"},
         "slow_response": {"slow_response", "refused", "host_silence"},
     },
     "xarm": {"disconnect": {"disconnect"}, "slow_response": {"slow_response"}},
 }
 
 
-@pytest.mark.parametrize("fault", ["disconnect 3", "slow_response 4"])
+# A connection that is cut for so short that a library which tried could come back at once.
+@pytest.mark.parametrize("fault", ["disconnect 0.05", "slow_response 4"])
 def test_a_fault_that_the_real_library_waits_or_raises_for_ends_in_a_stopped_arm(
     maker, robot, plans, tmp_path, fault
 ):
@@ -113,8 +114,10 @@ def test_a_fault_that_the_real_library_waits_or_raises_for_ends_in_a_stopped_arm
     with pytest.raises(DriverError, match="the arm was stopped"):
         drive(plans[maker], robot.address, tmp_path, progress=strike)
     assert struck == ["ok"]
-    robot.wait_until("at rest")
-    faulted_session(tmp_path, SEEN_AS[maker][fault.split()[0]])
+    assert "at rest" in robot.control("status") and "STOPPED" in robot.control("status")
+    session = faulted_session(tmp_path, SEEN_AS[maker][fault.split()[0]])
+    (told,) = [event for event in session.events if event.event == "arm_fault"]
+    assert told.details["arm"] == "at rest"
 
 
 def run_to_its_end(protocol: Path, address: str, logs: Path, tell: Connection) -> None:
@@ -161,6 +164,5 @@ def test_a_kill_in_motion_stops_the_arm(maker, robot, plans, tmp_path, whom):
     if whom == "bench":
         assert session.status is RunStatus.RUNNING and not session.is_being_recorded
     else:
-        sentence = {"ur": "watchdog", "xarm": "the bench tells the controller to stop"}[maker]
-        assert sentence in said.recv()
+        assert "the arm was stopped: the process that drives the arm has ended" in said.recv()
         assert session.status is RunStatus.ERROR

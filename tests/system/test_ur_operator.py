@@ -171,7 +171,7 @@ def test_a_driving_process_that_is_gone_ends_the_run_with_how_to_go_on(
     ur3e.wait_until("at rest", 2)
     ur3e.wait_until("STOPPED", 2)
     said = capsys.readouterr().err
-    assert "watchdog" in said
+    assert "the arm was stopped: the process that drives the arm has ended" in said
     (session,) = list_sessions(logs)
     told = json.loads(said.splitlines()[-1])["error"]
     assert told["notes"][-1] == (

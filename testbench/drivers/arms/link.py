@@ -8,13 +8,15 @@ bench talks to it over a pair of sockets.
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import subprocess
 import sys
+import tempfile
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from testbench.clock import Clock, seconds
 from testbench.drivers.arms.client import ArmClient
@@ -26,10 +28,14 @@ ANSWER_S = 20.0
 """The process must answer a request for connection within this time [s]; the client allows 5 s for
 each of its own steps.
 """
+ENDING_S = 0.5
+"""How a process ended is known within this time of its last word [s]."""
 SILENCE_S = 5.0
 """During motion the process says something at least twice a second; after so long it is given up
 and killed [s].
 """
+MOST_WORDS = 4000
+"""Characters of what the process wrote on its way that are kept, the last ones."""
 Message = tuple[Any, ...]
 
 
@@ -43,6 +49,8 @@ class Link:
         time: The bench's clock.
     """
 
+    _words: IO[bytes] | None = None
+
     def __init__(
         self, client: type[ArmClient], settings: LinkSettings, entry: ArmEntry, time: Clock
     ):
@@ -54,13 +62,15 @@ class Link:
     def _start(self) -> tuple[Connection, subprocess.Popen[bytes]]:
         """Start the process: our end of the connection to it, and the process."""
         ours, theirs = socket.socketpair()
+        # A file and no pipe: nobody needs to read it, and it is there after a crash.
+        self._words = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
         path_of_this = [str(Path(__file__).resolve().parents[3]), os.environ.get("PYTHONPATH", "")]
         process = subprocess.Popen(
             [sys.executable, "-m", "testbench.drivers.arms.worker", str(theirs.fileno())],
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            stderr=self._words,
             env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in path_of_this if path)},
             start_new_session=True,  # Ctrl-C goes to the bench, which stops the arm in order
         )
@@ -78,9 +88,27 @@ class Link:
         try:
             self._connection.send(message)
         except OSError:
-            raise DriverError(
-                f"the process that drives the arm has ended; {self.settings.orphaned}"
-            ) from None
+            raise self._ended() from None
+
+    def _ended(self) -> DriverError:
+        """That the process is gone, and how it went where that is known."""
+        with suppress(subprocess.TimeoutExpired):
+            code = self._process.wait(ENDING_S)
+            if code < 0:
+                how = signal.Signals(-code).name
+                return DriverError(f"the process that drives the arm has ended by {how}")
+        return DriverError("the process that drives the arm has ended")
+
+    @property
+    def words(self) -> str:
+        """What the process wrote on stderr, the end of it."""
+        if self._words is None:
+            return ""
+        with suppress(OSError, ValueError):
+            size = self._words.seek(0, os.SEEK_END)
+            self._words.seek(max(size - MOST_WORDS, 0))
+            return self._words.read().decode("utf-8", "replace").strip()
+        return ""
 
     def begin(self, *message: Any) -> None:
         """Send a request for motion; from now on the process must be heard of.
@@ -104,16 +132,12 @@ class Link:
                 self._heard = seconds(self.time)
         except (EOFError, OSError):
             if not messages:
-                raise DriverError(
-                    f"the process that drives the arm has ended; {self.settings.orphaned}"
-                ) from None
+                raise self._ended() from None
         if not messages and seconds(self.time) - self._heard > SILENCE_S:
             self.kill()
-            silent = (
-                f"the process that drives the arm is silent for {SILENCE_S:g} s: it waits "
-                "for the controller"
+            raise DriverError(
+                f"the process that drives the arm said nothing for {SILENCE_S:g} s and was ended"
             )
-            raise DriverError(f"{silent}; {self.settings.orphaned}")
         return messages
 
     def wait_for(self, kind: str, timeout: float = ANSWER_S) -> tuple[Message, list[Message]]:
@@ -129,9 +153,7 @@ class Link:
                     continue
                 message = self._connection.recv()
             except (EOFError, OSError):
-                raise DriverError(
-                    f"the process that drives the arm has ended; {self.settings.orphaned}"
-                ) from None
+                raise self._ended() from None
             self._heard = seconds(self.time)
             if message[0] == kind:
                 return message, before
@@ -148,10 +170,7 @@ class Link:
         )
 
     def kill(self) -> None:
-        """End the process at once.
-
-        An arm in motion is then left to what `LinkSettings.orphaned` says.
-        """
+        """End the process at once; an arm in motion must be stopped in another way then."""
         self._process.kill()
 
     def close(self, timeout: float = 5.0) -> None:
@@ -166,3 +185,5 @@ class Link:
             self._process.kill()
             self._process.wait()
         self._connection.close()
+        if self._words is not None:
+            self._words.close()

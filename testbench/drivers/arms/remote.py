@@ -8,6 +8,7 @@ what was planned, is the truth.
 from __future__ import annotations
 
 from abc import abstractmethod
+from contextlib import suppress
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,6 +18,7 @@ from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.client import ArmClient
 from testbench.drivers.arms.link import Link, Message
 from testbench.drivers.arms.settings import LinkSettings, Motion
+from testbench.drivers.arms.standing import Standing
 from testbench.drivers.arms.straight_path import StraightPaths
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import ArmRefused, DriverError
@@ -37,6 +39,10 @@ SLOWEST = (0.01, 0.05)
 MISSED_SHARE = 0.05
 """A larger share of the controller's samples that did not come is said at the end; a smaller one is
 in the evaluation.
+"""
+LATE_SHARE, LATEST_S = 0.02, 0.1
+"""A larger share of the driving loop's turns that were late is said at the end, and a turn that was
+later [s]: a fifth of what the watchdogs of controllers wait.
 """
 
 
@@ -91,6 +97,7 @@ class RemoteArm(SteppingArm):
         self._received = self._widest_gap_ns = 0
         self._fault: str | None = None
         self._finished = self._stopped = False
+        self._unseen = ""
         self.streamed_moves = 0
 
     @property
@@ -127,8 +134,9 @@ class RemoteArm(SteppingArm):
     def _wrong_model(self, info: dict[str, Any]) -> str | None:
         """Why the model is not the plan's, or None if it is."""
 
-    def _stop_orphan(self) -> None:
-        """Stop an arm whose driving process is gone, where its controller does not; bounded, and
+    @abstractmethod
+    def _stop_orphan(self) -> Standing:
+        """Stop an arm whose driving process is gone, and say what was seen of it; bounded, and
         never raises.
         """
 
@@ -167,24 +175,24 @@ class RemoteArm(SteppingArm):
         try:
             self._link.begin("approach", approach)
             self._wait_for_start()
-        except (
-            DriverError
-        ) as error:  # where the process itself is gone or silent, nobody has told of a fault yet
-            self._fail(("fault", "driver", str(error)))
+        except DriverError as error:
+            if self._fault is None:  # the process itself is gone or silent
+                self._orphaned(error)
+                raise DriverError(self._fault) from None
             raise
 
     def _wait_for_start(self) -> None:
         assert self._link is not None
         end = self.clock.monotonic_ns() + round(APPROACH_S * NANOSECONDS)
         while self.clock.monotonic_ns() < end:
-            self._link.tell("alive")
+            with suppress(DriverError):  # what it said before it ended comes first
+                self._link.tell("alive")
             for message in self._link.take():
                 if message[0] == "approached":
                     return
                 if message[0] in {"fault", "stopped"}:
                     self._fail(message)
-                    said = message[2] if message[0] == "fault" else message[1]
-                    raise DriverError(f"the start of the plan was not reached: {said}")
+                    raise DriverError(f"the start of the plan was not reached: {self._fault}")
             self.clock.sleep(0.02)
         raise DriverError(f"the start of the plan was not reached within {APPROACH_S:g} s")
 
@@ -208,7 +216,8 @@ class RemoteArm(SteppingArm):
             raise DriverError("the arm was read before it was prepared")
         if self._fault is not None:
             raise DriverError(self._fault)
-        self._link.tell("alive")
+        with suppress(DriverError):  # what it said before it ended comes first
+            self._link.tell("alive")
         self.clock.sleep((self._origin_ns + until_ns - self.clock.monotonic_ns()) / NANOSECONDS)
         self._take()
         return self._samples()
@@ -218,8 +227,7 @@ class RemoteArm(SteppingArm):
         try:
             messages = self._link.take()
         except DriverError as error:
-            self._stop_orphan()
-            self._fail(("fault", "driver", str(error)))
+            self._orphaned(error)
             return
         for message in messages:
             if message[0] == "samples":
@@ -236,19 +244,41 @@ class RemoteArm(SteppingArm):
             elif message[0] in {"fault", "stopped"}:
                 self._fail(message)
 
+    def _orphaned(self, error: DriverError) -> None:
+        """Stop an arm whose driving process is gone, and tell of it."""
+        if self._fault is None:
+            found_ns = self.clock.monotonic_ns()
+            self._tell_fault("driver", str(error), found_ns, self._stop_orphan())
+
     def _fail(self, message: Message) -> None:
+        """Take note of a fault: ("fault", kind, sentence, when it was found, what was seen of the
+        arm), or of a stop that nobody asked for: ("stopped", sentence, what was seen).
+
+        An arm that the driving process did not see at rest is stopped once more, from here.
+        """
         if self._fault is not None or (message[0] == "stopped" and self._stopped):
             return
-        kind, said, *found = message[1:] if message[0] == "fault" else ("stopped", message[1])
+        if message[0] == "fault":
+            _, kind, said, found_ns, standing = message
+        else:
+            (_, said, standing), kind, found_ns = message, "stopped", self.clock.monotonic_ns()
+        if not standing.stopped:
+            again = self._stop_orphan()
+            standing = standing if again is Standing.UNKNOWN else again
+        self._tell_fault(kind, str(said), found_ns, standing)
+
+    def _tell_fault(self, kind: str, said: str, found_ns: int, standing: Standing) -> None:
+        """Keep what ended the motion, and what was seen of the arm afterwards."""
         self._fault = f"the arm was stopped: {said}"
-        now = found[0] if found else self.clock.monotonic_ns()
-        self._events.append(
-            Event(
-                max(now - self._origin_ns, 0) if self._origin_ns else 0,
-                "arm_fault",
-                {"fault": kind, "message": str(said)},
-            )
-        )
+        if not standing.stopped:
+            unseen = f"nobody saw the arm come to rest: {self.settings.unseen}"
+            self._fault = f"the run was ended: {said}; {unseen}"
+        self._note(found_ns, "arm_fault", fault=kind, message=said, arm=str(standing))
+
+    def _note(self, host_ns: int, event: str, **details: Any) -> None:
+        """Tell of something [ns of the host's clock]."""
+        at_ns = max(host_ns - self._origin_ns, 0) if self._origin_ns else 0
+        self._events.append(Event(at_ns, event, details))
 
     def _feed(self, count: int) -> None:
         assert self._link is not None
@@ -306,10 +336,17 @@ class RemoteArm(SteppingArm):
         if self._link is None or self._stopped:
             return
         self._stopped = True
-        if self._finished or self._fault is not None:
-            return
-        try:
+        if not self._finished and self._fault is None:
+            self._ask_to_stop()
+        if self._link.words:
+            self._note(self.clock.monotonic_ns(), "driver_words", text=self._link.words)
+
+    def _ask_to_stop(self) -> None:
+        """Let the driving process stop the arm, or do so without it."""
+        assert self._link is not None
+        with suppress(DriverError):
             self._link.tell("stop", "the bench asked for it")
+        try:
             end = self.clock.monotonic_ns() + 5 * NANOSECONDS
             while self.clock.monotonic_ns() < end:
                 for message in self._link.take():
@@ -318,12 +355,20 @@ class RemoteArm(SteppingArm):
                     elif message[0] == "timing":
                         self.timing = message[1]
                     elif message[0] in {"stopped", "fault", "done"}:
+                        standing = Standing.AT_REST if message[0] == "done" else message[-1]
+                        self._note_standing(standing)
                         return
                 self.clock.sleep(0.01)
         except DriverError:
             pass
         self._link.kill()
-        self._stop_orphan()
+        self._note_standing(self._stop_orphan())
+
+    def _note_standing(self, standing: Standing) -> None:
+        """Tell of an arm that was told to stop, and that nobody saw at rest."""
+        if not standing.stopped:
+            self._note(self.clock.monotonic_ns(), "arm_not_seen_at_rest", arm=str(standing))
+            self._unseen = f"warning: nobody saw the arm come to rest: {self.settings.unseen}"
 
     def close(self) -> None:
         if self._link is not None:
@@ -342,14 +387,26 @@ class RemoteArm(SteppingArm):
         }
 
     def afterwards(self) -> list[str]:
-        """How much the controller's data lack, where it is much."""
+        """What was not as it should be: the controller's data, this machine's deadlines, the
+        stop.
+        """
+        told = [self._unseen] if self._unseen else []
         missed = self.timing.get("samples_missed", 0)
         due = missed + self._received
-        if not missed or (missed <= MISSED_SHARE * due and self._widest_gap_ns <= WIDEST_GAP_NS):
-            return []
-        share, gap = 100 * missed / due, self._widest_gap_ns / NANOSECONDS
-        what = f"{missed} of {due} ({share:.2g} %) of the controller's samples did not come"
-        return [f"warning: {what}, the longest gap is {gap:.2g} s"]
+        if missed and (missed > MISSED_SHARE * due or self._widest_gap_ns > WIDEST_GAP_NS):
+            share, gap = 100 * missed / due, self._widest_gap_ns / NANOSECONDS
+            what = f"{missed} of {due} ({share:.2g} %) of the controller's samples did not come"
+            told.append(f"warning: {what}, the longest gap is {gap:.2g} s")
+        cycles, overruns = self.timing.get("cycles", 0), self.timing.get("overruns", 0)
+        latest = self.timing.get("late_max_s", 0.0)
+        if overruns > LATE_SHARE * cycles or latest > LATEST_S:
+            share = 100 * overruns / max(cycles, 1)
+            how = "" if self.timing.get("realtime_priority") else ", without real-time priority"
+            told.append(
+                f"warning: this machine was busy{how}: {overruns} of {cycles} ({share:.2g} %) "
+                f"turns of the driving loop were more than 1 ms late, the latest by {latest:.2g} s"
+            )
+        return told
 
     def _tool(self) -> dict[str, Any] | None:
         """The weight that the controller was told of, or None where it was left as it was."""

@@ -7,6 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
+STOP_RAD_S2 = 4.0
+"""Deceleration of stops [rad/s^2]; the script manual's default for stopj is 2."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -46,9 +49,10 @@ class LinkSettings:
         settled: Largest error of a pose that counts as reached [rad].
         host_silence: The arm stops when the bench is silent for so long [s].
         arm_silence: The arm stops when the controller sends nothing for so long [s].
+        stuck: The client library is given up when it is at one command for so long [s].
         mass: Of the tool [kg]; None leaves the controller's setting as it is.
         centre: Centre of mass of the tool in the flange [m].
-        orphaned: What becomes of an arm whose driving process is gone, for a person to read.
+        unseen: What becomes of an arm that nobody can ask any more, for a person to read.
         joint_names: For messages.
     """
 
@@ -60,7 +64,8 @@ class LinkSettings:
     settled: float = float(np.radians(0.01))
     host_silence: float = 3.0
     arm_silence: float = 0.5
+    stuck: float = 1.0
     mass: float | None = None
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     joint_names: tuple[str, ...] = ()
-    orphaned: ClassVar[str]
+    unseen: ClassVar[str]

@@ -9,7 +9,10 @@ import numpy as np
 from testbench.drivers.arms.catalogue import UR
 from testbench.drivers.arms.entry import WantedArm
 from testbench.drivers.arms.remote import RemoteArm, common_settings
+from testbench.drivers.arms.settings import STOP_RAD_S2
+from testbench.drivers.arms.standing import Standing
 from testbench.drivers.arms.ur_client import UrClient, UrSettings
+from testbench.drivers.arms.ur_outside import stop_from_outside
 from testbench.drivers.session_time import SessionTime
 from testbench.records.session.plan import Plan
 
@@ -33,6 +36,9 @@ class UrArm(RemoteArm):
         "speed_scaling": np.float64,
     }
     told: ClassVar[tuple[str, ...]] = ("model", "serial", "polyscope", "speed_slider")
+
+    def _stop_orphan(self) -> Standing:
+        return stop_from_outside(self.settings.host, STOP_RAD_S2, self.clock)
 
     def _wrong_model(self, info: dict[str, Any]) -> str | None:
         model, expected = str(info.get("model", "")), self.robot.name.removesuffix("e").upper()

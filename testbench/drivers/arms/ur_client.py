@@ -1,18 +1,16 @@
 """A Universal Robots controller through its client library ur_rtde.
 
-Samples are read as one piece: the time stamp is read before and after the values, and where it
-changed they are read again.
+Commands go through the library. Samples come over a connection of ours, so that none is missed
+while a command blocks, each with the time at which it arrived. The library, which would connect
+again by itself and upload its program, is kept from both: `own_process.forbid_connections`.
 """
 
 from __future__ import annotations
 
-import math
 import re
-import socket
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
-from threading import Thread
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,20 +18,33 @@ import numpy as np
 from testbench.clock import Clock
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
 from testbench.drivers.arms.controller_lock import USED_BY_ANOTHER_RUN, ControllerLock
-from testbench.drivers.arms.settings import LinkSettings
+from testbench.drivers.arms.own_process import connections_allowed, forbid_connections, within
+from testbench.drivers.arms.rtde import RtdeStream
+from testbench.drivers.arms.settings import STOP_RAD_S2, LinkSettings
+from testbench.drivers.arms.standing import Standing
 from testbench.drivers.arms.ur_greeting import DASHBOARD_PORT, greet_dashboard
+from testbench.drivers.arms.ur_outside import (
+    EMERGENCY,
+    FAULT,
+    PROTECTIVE,
+    SAFEGUARD,
+    VIOLATION,
+    nonsense,
+    program_moves,
+    stop_from_outside,
+    tell_stop,
+)
 
-SECONDARY_PORT = 30002
 KEEP_ALIVE_S = 0.02
 IN_TOUCH_S = 0.25
 REASON_S = 0.1
 """Samples come slower than the client learns that a program ended; they say why within this time
 [s].
 """
-ANSWERED_NS = 50_000_000
-"""Samples come over another connection than answers, and may be older than these by so much
-[ns].
-"""
+STOPPED_S = 1.0
+"""The library must stop the arm within this time, or it is stopped without it [s]."""
+STARTED_S = 5.0
+"""The library's program must run within this time [s], as in the library itself."""
 MOST_UNFED = 3
 """Feeds of the watchdog that may fail one after the other."""
 LATELY_S = 2.0
@@ -53,14 +64,11 @@ VARIABLES = [
     "joint_temperatures",
     "robot_mode",
     "safety_mode",
-    "runtime_state",
     "robot_status_bits",
     "safety_status_bits",
     "target_speed_fraction",
     "speed_scaling",
 ]
-PROTECTIVE, SAFEGUARD, EMERGENCY, VIOLATION, FAULT = 1 << 2, 1 << 4, 1 << 7, 1 << 8, 1 << 9
-"""Bits of `safety_status_bits` (RTDE guide)."""
 RUNNING = 7
 """`robot_mode` of an arm that may move (RTDE guide)."""
 
@@ -81,11 +89,14 @@ class UrSettings(LinkSettings):
     gain: float = 300.0
     watchdog: float = 0.5
     least_slider: float = 0.99
-    orphaned: ClassVar[str] = "the controller's watchdog stops the arm"
+    unseen: ClassVar[str] = (
+        "where the controller still runs, its watchdog ends the program within 0.5 s, which stops "
+        "the arm; go and look"
+    )
 
 
 class UrClient(ArmClient):
-    """The client's three connections.
+    """The library's connections, and one of ours for samples.
 
     Args:
         settings: Address, rates, tool.
@@ -97,10 +108,12 @@ class UrClient(ArmClient):
     def __init__(self, settings: UrSettings, time: Clock | None = None):
         super().__init__(settings, time)
         self._control: Any = None
-        self._receive: Any = None
-        self._stamp = -1.0
+        self._stream: RtdeStream | None = None
+        self._began: float | None = None
+        self._hung = self._told_outside = False
         self._fed = 0.0
-        self._modes = (0, 0)
+        self._modes: tuple[int, int] = (0, 0)
+        self._told: tuple[Any, ...] | None = None
         self._bits = 0
         self._program_seen = self._streaming = False
         self._lock = ControllerLock(settings.host)
@@ -119,7 +132,6 @@ class UrClient(ArmClient):
         try:
             import dashboard_client
             import rtde_control
-            import rtde_receive
         except ImportError:
             raise ArmFault(
                 "extra_missing",
@@ -135,9 +147,10 @@ class UrClient(ArmClient):
         if info["refused"] is not None:
             return info
         try:
-            self._receive = rtde_receive.RTDEReceiveInterface(
-                host, self.settings.record_hz, VARIABLES, False, True
+            self._stream = RtdeStream(
+                host, self.settings.record_hz, VARIABLES, self.time, self.own_process
             )
+            self.clock.round_trip_ns = self._stream.round_trip_ns
             self.listening = True
             self._wait_for_sample()
             info |= {
@@ -158,14 +171,27 @@ class UrClient(ArmClient):
         return info
 
     def _start_program(self, interface: Any) -> None:
-        """Let the client library's program run on the controller, with tool and watchdog set."""
+        """Let the client library's program run on the controller, with tool and watchdog set.
+
+        The library is told not to upload it when it connects, and then to do so once: what it was
+        told it would do again whenever it connects again.
+        """
         settings = self.settings
         flags = (
-            interface.FLAG_UPLOAD_SCRIPT
-            | interface.FLAG_UPPER_RANGE_REGISTERS
-            | interface.FLAG_NO_EXT_FT
+            interface.FLAG_NO_WAIT | interface.FLAG_UPPER_RANGE_REGISTERS | interface.FLAG_NO_EXT_FT
         )
         self._control = interface(settings.host, settings.control_hz, flags)
+        self._control.reuploadScript()
+        end = self.now() + STARTED_S
+        while not self.may_move:
+            if self.now() > end:
+                raise ArmFault(
+                    "connection", f"the control program did not start within {STARTED_S:g} s"
+                )
+            self.samples()
+            self.time.sleep(0.002)
+        if self.own_process:
+            forbid_connections()
         if settings.mass is not None and not self._control.setPayload(
             settings.mass, list(settings.centre)
         ):
@@ -261,44 +287,46 @@ class UrClient(ArmClient):
         return None
 
     def samples(self) -> list[Row]:
-        row = self._sample()
-        return [] if row is None else [row]
+        taken = [] if self._stream is None else self._stream.take()
+        rows = [self._row(arrival_ns, report) for arrival_ns, report in taken]
+        self.listening = self._stream is not None and not self._stream.ended
+        return [row for row in rows if row is not None]
 
-    def _sample(self) -> Row | None:
-        """The newest sample if there is one since the last call."""
-        receive = self._receive
-        for _ in range(4):
-            stamp = receive.getTimestamp()
-            if stamp == self._stamp:
-                return None
-            q, v, target = receive.getActualQ(), receive.getActualQd(), receive.getTargetQ()
-            current, heat = receive.getActualCurrent(), receive.getJointTemperatures()
-            modes, bits = (
-                (receive.getRobotMode(), receive.getSafetyMode()),
-                receive.getSafetyStatusBits(),
-            )
-            slider, scaling = receive.getTargetSpeedFraction(), receive.getSpeedScaling()
-            if not q:  # nothing has come yet
-                return None
-            if receive.getTimestamp() == stamp:
-                break
-        else:
+    def _row(self, arrival_ns: int, report: dict[str, Any]) -> Row | None:
+        """A sample; None where it cannot be true."""
+        self.garbled = self.garbled or nonsense(report)
+        if self.garbled:
             return None
-        self._stamp, self._modes, self._bits, self.slider = stamp, modes, bits, slider
-        controller_ns = round(stamp * 1e9)
-        host_ns, missed = self._note(controller_ns, np.array(q), np.array(v), np.array(target))
+        controller_ns = round(report["timestamp"] * 1e9)
+        angles = [np.array(report[name]) for name in ("actual_q", "actual_qd", "target_q")]
+        noted = self._note(controller_ns, arrival_ns, *angles)
+        if noted is None:
+            return None
+        modes = report["robot_mode"], report["safety_mode"]
+        self._take_state(report)
         return (
-            host_ns,
+            noted[0],
             controller_ns,
             self.q,
             self.v,
-            np.array(current),
-            np.array(heat),
+            np.array(report["actual_current"]),
+            np.array(report["joint_temperatures"]),
             *modes,
-            scaling,
+            report["speed_scaling"],
             self.q_target,
-            missed,
+            noted[1],
         )
+
+    def _take_state(self, report: dict[str, Any]) -> None:
+        """Believe in a state that two samples tell, one after the other: single ones may have been
+        altered on their way.
+        """
+        names = ("robot_mode", "safety_mode", "robot_status_bits", "safety_status_bits")
+        state = tuple(report[name] for name in (*names, "target_speed_fraction"))
+        if state == self._told or self._told is None:
+            self._modes, self._bits, self.slider = state[:2], state[3], state[4]
+            self.may_move = program_moves(report)
+        self._told = state
 
     def check(self) -> None:
         """Look at safety, power, program and data.
@@ -307,9 +335,9 @@ class UrClient(ArmClient):
             ArmFault: The arm must stop, or has stopped.
         """
         settings = self.settings
+        self._check_sense()
         self._check_state()
-        if not self._receive.isConnected():
-            raise ArmFault("disconnect", "the connection to the controller was lost")
+        self._check_connections()
         if self.silent_for > settings.arm_silence:
             raise ArmFault(
                 "report_silence", f"the controller sent no data for {settings.arm_silence:g} s"
@@ -318,9 +346,18 @@ class UrClient(ArmClient):
             raise ArmFault(
                 "speed_slider", f"the speed slider was turned down to {100 * self.slider:.0f} %"
             )
-        if self._program_seen and not self._control.isProgramRunning():
+        if self._program_seen and not self.may_move:
             self._look_again()
             raise self._program_ended()
+
+    def _check_connections(self) -> None:
+        """Whether those of samples and of commands are there."""
+        assert self._stream is not None
+        if self._stream.garbled:
+            self.garbled = self._stream.ended
+            self._check_sense()
+        if self.lost:
+            raise ArmFault("disconnect", f"the connection to the controller was lost: {self.lost}")
 
     def _program_ended(self) -> ArmFault:
         """Who ended the program: its watchdog, where nothing reached it for longer than that waits,
@@ -331,7 +368,11 @@ class UrClient(ArmClient):
         if now - self._said_at > watchdog:
             gap, waited = now - self._said_at, 0.0
         elif gap <= watchdog or now - at > LATELY_S:
-            return ArmFault("program_stopped", "the program on the controller was stopped")
+            return ArmFault(
+                "program_stopped",
+                "the program on the controller was stopped: by somebody, or by its watchdog "
+                f"because no command reached it for {watchdog:g} s",
+            )
         ended = f"its watchdog, which waits {watchdog:g} s, ended the program"
         if waited > 0.5 * gap:
             return ArmFault(
@@ -380,13 +421,9 @@ class UrClient(ArmClient):
             speed: Of the leading joint [rad/s].
             acceleration: Of the leading joint [rad/s^2].
         """
-        asked_ns = self.now_ns()
         self._command(
             "moveJ was refused", self._control.moveJ, target.tolist(), speed, acceleration, True
         )
-        # The controller answers after it was asked: where the newest stamp says otherwise the
-        # clocks have parted.
-        self.clock.not_before(round(1e9 * self._receive.getTimestamp()), asked_ns, ANSWERED_NS)
 
     def stream(self, target: np.ndarray) -> None:
         """Send a target of servoJ, which also feeds the controller's watchdog.
@@ -419,13 +456,15 @@ class UrClient(ArmClient):
 
     def _call(self, call: Callable[..., Any], *arguments: Any) -> bool:
         """Whether the controller took a command."""
-        begin = self.now()
+        self._began = begin = self.now()
         try:
             done = call(*arguments)
         except Exception as error:
             raise ArmFault(
                 "disconnect", f"the connection to the controller was lost: {error}"
             ) from None
+        finally:
+            self._began = None
         now = self.now()
         gap, self._said_at = now - self._said_at, now
         if gap >= self._unfed[0] or now - self._unfed[2] > LATELY_S:
@@ -439,11 +478,11 @@ class UrClient(ArmClient):
         end = self.now() + REASON_S
         while self.now() < end and self.listening:
             self.samples()
+            self._check_sense()
             self._check_state()
-            if not self._receive.isConnected():
-                raise ArmFault("disconnect", "the connection to the controller was lost")
+            self._check_connections()
             self.time.sleep(0.002)
-        if self._program_seen and not self._control.isProgramRunning():
+        if self._program_seen and not self.may_move:
             raise self._program_ended()
         if self.silent_for > IN_TOUCH_S:
             raise ArmFault(
@@ -454,7 +493,26 @@ class UrClient(ArmClient):
         """Whether the controller spoke lately; if not, the client's commands would wait for an
         answer for minutes.
         """
-        return bool(self._receive.isConnected()) and self.silent_for < IN_TOUCH_S
+        return (
+            self._stream is not None
+            and not self._stream.ended
+            and not self.garbled
+            and self.silent_for < IN_TOUCH_S
+            and bool(self._control.isConnected())
+        )
+
+    @property
+    def lost(self) -> str:
+        if self._stream is not None and self._stream.ended:
+            return f"that for reports, {self._stream.ended}"
+        if self._control is not None and not self._control.isConnected():
+            return "that for commands"
+        return ""
+
+    @property
+    def stuck_for(self) -> float:
+        began = self._began
+        return 0.0 if began is None else self.now() - began
 
     def stop(self, deceleration: float) -> None:
         """Bring the arm to rest by every way there is; never raises.
@@ -462,43 +520,56 @@ class UrClient(ArmClient):
         Where the controller is out of touch, a program of its own goes to its script interface and
         replaces the one that moves.
         """
-        if self._control is not None and self._in_touch():
-            with suppress(Exception):
-                if self._control.isConnected() and self._control.isProgramRunning():
-                    if self._streaming:
-                        self._control.servoStop(deceleration)
-                    else:
-                        self._control.stopJ(deceleration, True)
-                    self._control.stopScript()
-                    return
-        if self._receive is None or math.isinf(deceleration):
+        if self._control is None:  # nothing of ours moves it
             return
-        with (
-            suppress(OSError),
-            socket.create_connection((self.settings.host, SECONDARY_PORT), 0.5) as script,
+        if self._in_touch() and (
+            not self.may_move or self._within(lambda: self._end(deceleration))
         ):
-            script.sendall(f"def stop_bench():\n  stopj({deceleration})\nend\n".encode())
+            return
+        with self._outside():
+            tell_stop(self.settings.host, deceleration)
+
+    def _end(self, deceleration: float) -> None:
+        """Stop the arm and end the program, by the library."""
+        if self._streaming:
+            self._control.servoStop(deceleration)
+        else:
+            self._control.stopJ(deceleration, True)
+        self._control.stopScript()
+
+    def _within(self, call: Callable[[], object]) -> bool:
+        """Whether a call of the library did its work in time."""
+        if self._hung:
+            return False
+        if self.own_process:
+            self._hung = not within(call, STOPPED_S)
+            return not self._hung
+        with suppress(Exception):
+            call()
+            return True
+        return False
+
+    def _outside(self) -> Any:
+        """In this block connections may be made."""
+        return connections_allowed() if self.own_process else nullcontext()
+
+    def stop_from_outside(self, deceleration: float) -> Standing:
+        if self._control is None:
+            return Standing.AT_REST
+        self._told_outside = True
+        with self._outside():
+            return stop_from_outside(self.settings.host, deceleration, self.time)
 
     def close(self) -> None:
         """Let go of the controller; never raises."""
         if self._control is not None and self._in_touch():
-            with suppress(Exception):
-                if self._control.isConnected() and self._control.isProgramRunning():
-                    self._control.stopScript()
-        endings = [
-            Thread(target=_disconnect, args=(own,))
-            for own in (self._control, self._receive)
-            if own is not None
-        ]
-        for ending in endings:
-            ending.start()
-        for ending in endings:
-            ending.join()
+            if self.may_move:
+                self._within(self._control.stopScript)
+        elif self._control is not None and not self._told_outside:
+            self.stop_from_outside(STOP_RAD_S2)
+        if self._control is not None:
+            self._within(self._control.disconnect)
+        if self._stream is not None:
+            self._stream.close()
         self.listening = False
         self._lock.release()
-
-
-def _disconnect(interface: Any) -> None:
-    """Close a connection of the client library, which waits half a second in it."""
-    with suppress(Exception):
-        interface.disconnect()

@@ -7,9 +7,11 @@ wrong, the arm is stopped first and reported afterwards.
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import suppress
 from multiprocessing.connection import Connection
@@ -20,7 +22,9 @@ import numpy as np
 from testbench.clock import Clock, SystemClock
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
 from testbench.drivers.arms.onset import LEAD_S, Onset
-from testbench.drivers.arms.settings import LinkSettings, Motion
+from testbench.drivers.arms.outbox import Outbox
+from testbench.drivers.arms.settings import STOP_RAD_S2, LinkSettings, Motion
+from testbench.drivers.arms.standing import REST_RAD_S, RestWatch, Standing
 
 SENT_KEPT_S = 0.4
 """Targets sent within this time are compared with what is reached: longer than lookahead and servo
@@ -28,14 +32,22 @@ lag together [s].
 """
 SETTLED_FOR_S = 0.05
 """A pose counts as reached once the joints are at rest in it for so long [s]."""
-REST_RAD_S = float(np.radians(0.15))
-"""Largest joint rate at rest: above the noise of the rates [rad/s]."""
 STALE_S = 0.05
 """An error of following is none when the newest sample is older: then it is the controller's
 silence [s].
 """
-STOP_RAD_S2 = 4.0
-"""Deceleration of stops [rad/s^2]; the script manual's default for stopj is 2."""
+SEEN_S = 1.5
+"""An arm that was told to stop must be seen at rest within this time [s]; else it is stopped from
+outside.
+"""
+LOOK_AFTER_S = 0.05
+"""Whether the client library is stuck is looked at this often [s]."""
+LOST_S = 0.2
+"""A command over a connection that is lost is given this time to come back [s]."""
+STUCK_EXIT = 70
+FLUSH_S = 1.0
+"""The last words to the bench have this long to be sent [s]."""
+Bench = Connection | Outbox
 PATIENCE = 3.0
 """A move may take this many times as long as planned, and 5 s."""
 LATE_NS = 1_000_000
@@ -72,7 +84,7 @@ class Worker:
         settings: As the bench said.
     """
 
-    def __init__(self, connection: Connection, client: ArmClient, settings: LinkSettings):
+    def __init__(self, connection: Bench, client: ArmClient, settings: LinkSettings):
         self.connection, self.client, self.settings = connection, client, settings
         self.period_ns = round(1e9 / settings.control_hz)
         self.origin_ns: int | None = None
@@ -81,11 +93,12 @@ class Worker:
         self.rows: list[tuple[Any, ...]] = []
         self.heard = self.handed = client.now()
         self.paused = self.holding = False
-        self.cycles = self.overruns = self.missed = 0
+        self.cycles = self.overruns = self.missed = self.latest_ns = 0
         self.lateness = np.zeros(2001, dtype=np.int64)  # histogram, 10 us a bin
         self.sent: list[np.ndarray] = []
         self.streamed: np.ndarray | None = None
         self.onset = Onset()
+        self.stopping = False
         self.realtime = os.sched_getscheduler(0) == os.SCHED_FIFO
 
     def serve(self) -> None:
@@ -131,8 +144,7 @@ class Worker:
             self._hand_over(force=True)
             self._say(finished, self.client.q.copy())
         except Stopped as stop:
-            self._stop_arm()
-            self._say("stopped", str(stop))
+            self._say("stopped", str(stop), self._stop_arm())
         except ArmFault as fault:
             self._fault(fault.kind, str(fault))
         except (EOFError, BrokenPipeError, ConnectionError):
@@ -146,8 +158,23 @@ class Worker:
     def _fault(self, kind: str, message: str) -> None:
         """Stop the arm, then tell of a fault and when it was found."""
         found_ns = self.client.now_ns()
-        self._stop_arm()
-        self._say("fault", kind, message, found_ns)
+        self._say("fault", kind, message, found_ns, self._stop_arm())
+
+    def give_up(self) -> None:
+        """The client library does not come back from a command: stop the arm without it, tell of
+        it, and end this process. Called from another thread, while the loop waits for the library.
+        """
+        found_ns, stuck_s, lost = self.client.now_ns(), self.client.stuck_for, self.client.lost
+        kind, said = "slow_response", f"no command was answered within {stuck_s:.1f} s"
+        if lost:
+            kind, said = "disconnect", f"the connection to the controller was lost: {lost}"
+        standing = self.client.stop_from_outside(STOP_RAD_S2)
+        with suppress(OSError):
+            self.connection.send(("timing", self.timing()))
+            self.connection.send(("fault", kind, said, found_ns, standing))
+        if isinstance(self.connection, Outbox):
+            self.connection.flush(FLUSH_S)
+        os._exit(STUCK_EXIT)
 
     def _say(self, *message: Any) -> None:
         self._hand_over(force=True)
@@ -168,7 +195,9 @@ class Worker:
             "overruns": self.overruns,
             "late_median_s": at[0],
             "late_p99_s": at[1],
+            "late_max_s": round(1e-9 * self.latest_ns, 6),
             "samples_missed": self.missed,
+            "clock_unsure_s": round(1e-9 * self.client.clock.unsure_ns, 6),
             "realtime_priority": self.realtime,
         }
 
@@ -182,6 +211,7 @@ class Worker:
                 self.client.time.sleep(-late * 1e-9)
                 late = self.client.now_ns() - due
             self.cycles += 1
+            self.latest_ns = max(self.latest_ns, late)
             self.lateness[min(max(late, 0) // 10_000, 2000)] += 1
             if late > LATE_NS:
                 self.overruns += 1
@@ -368,25 +398,39 @@ class Worker:
         assert self.origin_ns is not None
         self.connection.send(("event", host_ns - self.origin_ns, name, details))
 
-    def _stop_arm(self) -> None:
-        """Bring the arm to rest by every way there is, and record until it rests."""
+    def _stop_arm(self) -> Standing:
+        """Bring the arm to rest by every way there is, record until it rests, and say what was seen
+        of it.
+        """
+        self.stopping = True
         self.client.stop(STOP_RAD_S2)
-        end = self.client.now() + 1.5
+        watch, end = RestWatch(), self.client.now() + SEEN_S
         while self.client.now() < end and self.client.listening:
             with suppress(Exception):
                 rows = self.client.samples()
                 self._keep(rows)
-                if rows and float(np.abs(self.client.v).max()) < REST_RAD_S:
+                for row in rows:
+                    watch.look(1e-9 * row[1], row[3], self.client.may_move)
+                if watch.standing is Standing.AT_REST:
                     break
             self.client.time.sleep(0.002)
         self.streamed = None
+        if watch.standing.stopped:
+            return watch.standing
+        with suppress(OSError):
+            self.connection.send(("alive",))
+        seen = self.client.stop_from_outside(STOP_RAD_S2)
+        return watch.standing if seen is Standing.UNKNOWN else seen
 
 
 def main(descriptor: int) -> None:
     """Serve the bench at the other end of a socket, then end this process."""
+    faulthandler.enable()  # what a library's crash leaves on stderr is kept with the session
     with suppress(OSError):  # where the system lets it; the loop sleeps nearly all of its time
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))
-    serve(Connection(descriptor), SystemClock())
+    bench = Outbox(Connection(descriptor))
+    serve(bench, SystemClock(), own_process=True)
+    bench.flush(FLUSH_S)
     os._exit(
         0
         # the destructors of client libraries may wait half a second each for connections that are
@@ -394,31 +438,44 @@ def main(descriptor: int) -> None:
     )
 
 
-def serve(connection: Connection, time: Clock) -> None:
+def serve(connection: Bench, time: Clock, own_process: bool = False) -> None:
     """Drive an arm as the bench asks, from its settings until it lets go.
 
     Args:
         connection: To the bench.
         time: What everything here goes by.
+        own_process: There is nothing else in this process.
     """
     _, kind, settings = connection.recv()
     client: ArmClient = kind(settings, time)
+    client.own_process = own_process
     try:
         _serve(connection, client, settings)
     finally:
         client.close()
 
 
-def _serve(connection: Connection, client: ArmClient, settings: LinkSettings) -> None:
+def _serve(connection: Bench, client: ArmClient, settings: LinkSettings) -> None:
     try:
         try:
             connection.send(("info", client.connect()))
         except ArmFault as fault:
             connection.send(("fault", fault.kind, str(fault), client.now_ns()))
             return
-        Worker(connection, client, settings).serve()
+        worker = Worker(connection, client, settings)
+        if client.own_process:
+            threading.Thread(target=_look_after, args=(worker,), daemon=True).start()
+        worker.serve()
     except (EOFError, ConnectionError):
         client.stop(STOP_RAD_S2)
+
+
+def _look_after(worker: Worker) -> None:
+    """End this process where its client library is stuck in a command, with the arm stopped."""
+    client = worker.client
+    while worker.stopping or client.stuck_for < (LOST_S if client.lost else worker.settings.stuck):
+        client.time.sleep(LOOK_AFTER_S)
+    worker.give_up()
 
 
 if __name__ == "__main__":

@@ -13,11 +13,12 @@ import numpy as np
 from testbench.drivers.arms.catalogue import XARM
 from testbench.drivers.arms.entry import WantedArm
 from testbench.drivers.arms.remote import RemoteArm, common_settings
+from testbench.drivers.arms.standing import Standing
 from testbench.drivers.arms.xarm_client import (
     CONTROL_PORT,
     XArmClient,
     XArmSettings,
-    stop_at_once,
+    stop_from_outside,
 )
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import InputError
@@ -57,8 +58,9 @@ class XArm(RemoteArm):
             f"{info.get('model')}"
         )
 
-    def _stop_orphan(self) -> None:
-        stop_at_once(self.settings.host, self.settings.control_port)
+    def _stop_orphan(self) -> Standing:
+        settings = self.settings
+        return stop_from_outside(settings.host, settings.control_port, settings.joints, self.clock)
 
     def describe(self) -> dict[str, Any]:
         return super().describe() | {"unverified_on_hardware": True}

@@ -21,10 +21,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from testbench.clock import Clock
+from testbench.clock import Clock, seconds
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
 from testbench.drivers.arms.controller_lock import USED_BY_ANOTHER_RUN, ControllerLock
+from testbench.drivers.arms.receiver import Receiver
 from testbench.drivers.arms.settings import LinkSettings
+from testbench.drivers.arms.standing import RestWatch, Standing
 
 CONTROL_PORT, REPORT_PORT = 502, 30000
 REPORT = np.dtype(
@@ -62,6 +64,8 @@ for so long [ns].
 REASON_S = 0.45
 """Slow reports come every 0.2 s; the reason of a stop is known within this time [s]."""
 IN_TOUCH_S = 0.25
+PATIENCE_S, LOOK_S = 2.0, 0.8
+"""An arm is told to stop from outside for so long, and one look at it takes at most so long [s]."""
 MODELS = {(5, 5): "xArm 5", (6, 6): "xArm 6", (7, 7): "xArm 7", (6, 9): "Lite 6", (6, 12): "850"}
 """By number of axes and device type."""
 
@@ -79,7 +83,10 @@ class XArmSettings(LinkSettings):
     settled: float = float(np.radians(0.05))
     control_port: int = CONTROL_PORT
     answer: float = 0.5
-    orphaned: ClassVar[str] = "the bench tells the controller to stop"
+    unseen: ClassVar[str] = (
+        "this controller has no watchdog, the arm goes on to the end of the move that it was sent: "
+        "keep away from it, use the emergency stop, and go and look"
+    )
 
 
 def stop_at_once(host: str, port: int, timeout: float = 0.5) -> None:
@@ -96,6 +103,90 @@ def stop_at_once(host: str, port: int, timeout: float = 0.5) -> None:
         connection.recv(64)
 
 
+def stop_from_outside(
+    host: str, port: int, joints: int, time: Clock, patience_s: float = PATIENCE_S
+) -> Standing:
+    """Stop the arm over connections of its own, and say what was seen of it; never raises.
+
+    Args:
+        host: Address of the controller.
+        port: For commands.
+        joints: How many.
+        time: The host's clock.
+        patience_s: How long to try [s].
+    """
+    end, seen = seconds(time) + patience_s, Standing.UNKNOWN
+    while True:
+        stop_at_once(host, port)
+        standing = look(host, joints, time)
+        seen = seen if standing is Standing.UNKNOWN else standing
+        if standing is Standing.AT_REST:
+            return standing
+        if seconds(time) > end:
+            halted = seen is Standing.UNKNOWN and _asked_state(host, port) == STOP_STATE
+            return Standing.HALTED if halted else seen
+        time.sleep(0.05)
+
+
+def _asked_state(host: str, port: int, timeout: float = 0.5) -> int | None:
+    """The controller's state, over a connection of its own, None where it does not say; never
+    raises.
+
+    The frame is that of `stop_at_once`, with register 13; the answer's data begin behind its eight
+    bytes of head.
+    """
+    with suppress(OSError), socket.create_connection((host, port), timeout) as connection:
+        connection.settimeout(timeout)
+        connection.sendall(bytes([0, 2, 0, 2, 0, 1, 13]))
+        answer = connection.recv(64)
+        return answer[8] if len(answer) > 8 else None
+    return None
+
+
+def look(host: str, joints: int, time: Clock) -> Standing:
+    """What reports of a new connection show; never raises.
+
+    Args:
+        host: Address of the controller.
+        joints: How many.
+        time: The host's clock.
+    """
+    watch, data, end = RestWatch(), bytearray(), seconds(time) + LOOK_S
+    with suppress(OSError):
+        receiver = Receiver(socket.create_connection((host, REPORT_PORT), 0.5), time)
+        try:
+            while watch.standing is not Standing.AT_REST and seconds(time) < end:
+                data += b"".join(piece for _, piece in receiver.take())
+                while (report := take_report(data)) is not None:
+                    moving = int(report["state_mode"]) & 0x0F in {MOVING, PAUSED}
+                    rates = report["v"][:joints].astype(float)
+                    watch.look(1e-6 * int(report["time_us"]), rates, moving)
+                if receiver.ended:
+                    break
+                time.sleep(0.004)
+        finally:
+            receiver.close()
+    return watch.standing
+
+
+def take_report(data: bytearray) -> Any | None:
+    """Take the first report off some bytes; None while it is not whole.
+
+    Raises:
+        OSError: These bytes are none.
+    """
+    if len(data) < REPORT.itemsize:
+        return None
+    size = int.from_bytes(data[:4], "big")
+    if not REPORT.itemsize <= size <= LONGEST_REPORT:
+        raise OSError(f"a report of {size} bytes")
+    if len(data) < size:
+        return None
+    report = np.frombuffer(bytes(data[: REPORT.itemsize]), REPORT)[0]
+    del data[:size]
+    return report
+
+
 class XArmClient(ArmClient):
     """The library's connections, and one of ours for reports.
 
@@ -110,7 +201,7 @@ class XArmClient(ArmClient):
         super().__init__(settings, time)
         self._arm: Any = None
         self._titles: dict[int, str] = {}
-        self._report: socket.socket | None = None
+        self._report: Receiver | None = None
         self._bytes = bytearray()
         self._held: list[Row] = []
         self._state = self._mode = self._commands = -1
@@ -134,8 +225,8 @@ class XArmClient(ArmClient):
             info = self._ask()
             if info["refused"] is not None:
                 return info
-            self._report = socket.create_connection((address, REPORT_PORT), 2.0)
-            self._report.setblocking(False)
+            connection = socket.create_connection((address, REPORT_PORT), 2.0)
+            self._report = Receiver(connection, self.time, self.own_process)
             self.listening = True
             self._wait_for_sample()
             self._wait_for_motor_states()
@@ -291,42 +382,36 @@ class XArmClient(ArmClient):
     def _read(self) -> list[Row]:
         if self._report is None:
             return []
-        try:
-            while data := self._report.recv(65536):
-                self._bytes += data
-            self._lost = True
-        except BlockingIOError:
-            pass
-        except OSError:
-            self._lost = True
-        rows = []
-        while len(self._bytes) >= REPORT.itemsize and not self._lost:
-            size = int.from_bytes(self._bytes[:4], "big")
-            if not REPORT.itemsize <= size <= LONGEST_REPORT:
-                self._lost = True
-            elif len(self._bytes) < size:
-                break
-            else:
-                report = np.frombuffer(bytes(self._bytes[: REPORT.itemsize]), REPORT)[0]
-                if (
-                    np.isfinite(report["q"]).all() and np.isfinite(report["v"]).all()
-                ):  # without angles it counts as none
-                    rows.append(self._row(report))
-                del self._bytes[:size]
-        return rows
+        rows: list[Row | None] = []
+        for arrival_ns, piece in self._report.take():
+            self._bytes += piece
+            try:
+                while not self.garbled and (report := take_report(self._bytes)) is not None:
+                    if (
+                        np.isfinite(report["q"]).all() and np.isfinite(report["v"]).all()
+                    ):  # without angles it counts as none
+                        rows.append(self._row(report, arrival_ns))
+            except OSError as error:
+                self.garbled = str(error)
+        self._lost = self._lost or bool(self._report.ended)
+        return [row for row in rows if row is not None]
 
-    def _row(self, report: Any) -> Row:
+    def _row(self, report: Any, arrival_ns: int) -> Row | None:
+        """A sample; None where it cannot be true."""
         n = self.settings.joints
-        self._state, self._mode = int(report["state_mode"]) & 0x0F, int(report["state_mode"]) >> 4
-        self._commands = int(report["commands"])
-        stamp_ns = 1000 * int(report["time_us"])
         q, v, target, current = (
             report[name][:n].astype(float) for name in ("q", "v", "q_target", "current")
         )
-        host_ns, missed = self._note(stamp_ns, q, v, target)
+        stamp_ns = 1000 * int(report["time_us"])
+        noted = self._note(stamp_ns, arrival_ns, q, v, target)
+        if noted is None:
+            return None
+        self._state, self._mode = int(report["state_mode"]) & 0x0F, int(report["state_mode"]) >> 4
+        self._commands = int(report["commands"])
+        self.may_move = self._state in {MOVING, PAUSED}
         heat = np.array(self._arm.temperatures[:n], dtype=float)
         return (
-            host_ns,
+            noted[0],
             stamp_ns,
             q,
             v,
@@ -336,15 +421,17 @@ class XArmClient(ArmClient):
             self._mode,
             self._arm.error_code,
             target,
-            missed,
+            noted[1],
         )
 
     def check(self) -> None:
+        self._check_sense()
         if self._arm.error_code or self._state > PAUSED:
             self._raise_reason()
         if self._lost or not self._arm.connected:
             self.listening = False
-            raise ArmFault("disconnect", "the connection to the controller was lost")
+            which = self._report.ended if self._lost and self._report else "that for commands"
+            raise ArmFault("disconnect", f"the connection to the controller was lost: {which}")
         if self.silent_for > self.settings.arm_silence:
             self.listening = False
             raise ArmFault(
@@ -474,6 +561,12 @@ class XArmClient(ArmClient):
             if in_touch and self._arm.set_state(STOP_STATE) == 0:
                 return
         stop_at_once(self.settings.host, self.settings.control_port)
+
+    def stop_from_outside(self, deceleration: float) -> Standing:
+        if not self._taken_over:
+            return Standing.AT_REST
+        settings = self.settings
+        return stop_from_outside(settings.host, settings.control_port, settings.joints, self.time)
 
     def close(self) -> None:
         """Let go of the controller, whose arm stays stopped; never raises."""

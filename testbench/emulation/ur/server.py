@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from testbench.clock import Clock
 from testbench.emulation.faults import FaultKind
-from testbench.emulation.server import CONTROL, Connection, Server
+from testbench.emulation.server import CONTROL, CONTROL_PORT, Connection, Server
 from testbench.emulation.ur.controller import Controller
 from testbench.emulation.ur.dashboard import GREETING, answer
 from testbench.emulation.ur.faults import FAULTS
@@ -78,10 +78,10 @@ class UrServer(Server):
         address: To listen on.
         token: What a client must say first on an address that is not loopback, see `Server`.
         clock: What the control periods go by; the machine's if None.
+        port_shift: Added to the number of every port.
     """
 
     faults: ClassVar[Mapping[str, FaultKind]] = FAULTS
-    open_ports = "dashboard 29999, scripts 30001 to 30003, RTDE 30004, faults 29998"
 
     def __init__(
         self,
@@ -89,9 +89,16 @@ class UrServer(Server):
         address: str = "127.0.0.1",
         token: str | None = None,
         clock: Clock | None = None,
+        port_shift: int = 0,
     ):
         self._ur = controller
-        super().__init__(controller, PORTS, address, token, clock)
+        dashboard, first, last, rtde, faults = (
+            port + port_shift for port in (29999, 30001, 30003, 30004, CONTROL_PORT)
+        )
+        self.open_ports = (
+            f"dashboard {dashboard}, scripts {first} to {last}, RTDE {rtde}, faults {faults}"
+        )
+        super().__init__(controller, PORTS, address, token, clock, port_shift)
 
     def connection(self, sock: socket.socket, kind: str) -> Connection:
         return UrConnection(sock, kind, self, self._ur)

@@ -57,10 +57,11 @@ def make_server(
         address: To listen on, as for `UrServer`.
         token: What clients must say first, as for `UrServer`.
         at_deg: Joint angles at the start [deg]; home if None.
-        asked: The other arguments of `make_controller`.
+        asked: The other arguments of `make_controller`, and `port_shift`, as for `UrServer`.
 
     Raises:
         InputError: As for `make_controller` and `UrServer`.
     """
+    port_shift = asked.pop("port_shift", 0)
     controller = make_controller(q_deg=at_deg, **asked)
-    return UrServer(controller, address, token)
+    return UrServer(controller, address, token, port_shift=port_shift)

@@ -58,6 +58,7 @@ class XArmServer(Server):
         token: What a client must say first on an address that is not loopback, see `Server`.
         command_port: The controller's is 502, which needs privileges.
         clock: What the control periods go by; the machine's if None.
+        port_shift: Added to the number of every port but `command_port`.
     """
 
     faults: ClassVar[Mapping[str, FaultKind]] = FAULTS
@@ -69,17 +70,18 @@ class XArmServer(Server):
         token: str | None = None,
         command_port: int = COMMAND_PORT,
         clock: Clock | None = None,
+        port_shift: int = 0,
     ):
-        if command_port in {CONTROL_PORT, *REPORT_PORTS}:
+        faults, timely, rich = (port + port_shift for port in (CONTROL_PORT, *REPORT_PORTS))
+        if command_port in {faults, timely, rich}:
             raise InputError(
-                f"port {command_port} is taken: {CONTROL_PORT} is for faults, 30000 and 30002 are "
+                f"port {command_port} is taken: {faults} is for faults, {timely} and {rich} are "
                 "for reports"
             )
         self._xarm = controller
-        self.open_ports = f"commands {command_port}, reports 30000 and 30002, faults 29998"
-        super().__init__(
-            controller, {command_port: COMMANDS, **REPORT_PORTS}, address, token, clock
-        )
+        self.open_ports = f"commands {command_port}, reports {timely} and {rich}, faults {faults}"
+        ports = {command_port - port_shift: COMMANDS, **REPORT_PORTS}
+        super().__init__(controller, ports, address, token, clock, port_shift)
 
     def connection(self, sock: socket.socket, kind: str) -> Connection:
         return XArmConnection(sock, kind, self, self._xarm)

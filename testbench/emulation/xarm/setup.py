@@ -55,11 +55,13 @@ def make_server(
         address: To listen on, as for `XArmServer`.
         token: What clients must say first, as for `XArmServer`.
         at_deg: Joint angles at the start [deg]; home if None.
-        asked: The other arguments of `make_controller`, and `command_port`, as for `XArmServer`.
+        asked: The other arguments of `make_controller`, and `command_port` and `port_shift`, as for
+            `XArmServer`.
 
     Raises:
         InputError: As for `make_controller` and `XArmServer`.
     """
     command_port = asked.pop("command_port")
+    port_shift = asked.pop("port_shift", 0)
     controller = make_controller(q_deg=at_deg, **asked)
-    return XArmServer(controller, address, token, command_port)
+    return XArmServer(controller, address, token, command_port, port_shift=port_shift)

@@ -181,9 +181,15 @@ class RobotRecord(_Part):
 
 
 class ArmTiming(_Part):
-    """How the deadlines of a real arm were kept."""
+    """How the deadlines of a real arm were kept.
+
+    Attributes:
+        samples_missed: Of the controller's.
+        clock_unsure_s: By how much the host times of its stamps may be off [s].
+    """
 
     samples_missed: int = Field(default=0, ge=0)
+    clock_unsure_s: float = Field(default=0.0, ge=0)
 
 
 class ArmPart(_Part):

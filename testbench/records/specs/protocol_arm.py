@@ -43,6 +43,20 @@ class Guards(StrictModel):
         default=Guard(limit=0.5, action="warn"),
         description="Two samples of a sensor are so far apart on its own clock [s].",
     )
+    stuck_time_s: Guard = Field(
+        default=Guard(limit=1.0, action="warn"),
+        description="A live sensor's own clock stands still for so long while its samples come "
+        "[s].",
+    )
+    stuck_reading_s: Guard = Field(
+        default=Guard(limit=1.0, action="warn"),
+        description="A live sensor says the same for so long, to the last digit of each axis [s].",
+    )
+    arrival_gap_s: Guard = Field(
+        default=Guard(limit=0.5, action="warn"),
+        description="Two samples of a live sensor arrive so far apart, also where they come in a "
+        "burst afterwards [s].",
+    )
     temperature_degC: Guard = Field(
         default=Guard(limit=70.0, action="warn"),
         description="A joint of the arm is so warm [degC], where it reports that.",

@@ -148,9 +148,16 @@ TEMPLATES = {
     ),
     "arm_time.step": Template(
         WARNING,
-        "the clocks of controller and bench parted by {by_s:.2g} s before {at_s:.1f} s: the arm's "
-        "times are right from there on, and wrong by as much before, at most since the last "
-        "motion began",
+        "the clocks of controller and bench parted by {by_s:.2g} s before {at_s:.1f} s, by two "
+        "witnesses: a motion's stamp before its command, or a sample from the future, and all "
+        "samples of that time; arm times follow from there on, and are off by as much before, at "
+        "most since the last motion began",
+    ),
+    "arm_time.unsure": Template(
+        WARNING,
+        "arm time may be off by {unsure_ms:.2g} ms: the controller's samples came late through "
+        "whole seconds, or it answered slowly; up to {sure_ms:g} ms are usual, and no limit is "
+        "passed beyond",
     ),
     "arm_time.doubtful": Template(
         WARNING,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from testbench.consistency.turning import Windows, sums
+
+from testbench.consistency.angular_rate import Windows, sums
 
 
 @pytest.mark.parametrize("step", [1e-12, 1e-4, 0.05, 0.3999, 0.4001, 1.0, 3.0])
