@@ -62,8 +62,8 @@ TEMPLATES = {
     ),
     "structure.joint_turned": Template(
         WARNING,
-        "the {kind} has {distal} nearer to the trunk by the names of its sensors, and {proximal} is "
-        "named first",
+        "the {kind} has {distal} nearer to the trunk by the names of its sensors, and "
+        "{proximal} is named first",
         "two sensors that are exchanged turn signs and axes of the angles",
         "--joint NAME={distal}:{proximal}; other names, if these mislead",
     ),
