@@ -54,10 +54,11 @@ def judged_motion(time_ns: np.ndarray, angle: np.ndarray, judged: list[np.ndarra
     known = np.isfinite(rate[every])
     own = np.where(known, rate[every], 0.0)
     count = np.add.reduceat(known, starts, dtype=np.int64)
-    mean, square = (
-        float(np.mean([piece.sum() for piece in np.split(values, starts[1:])] / count))
-        for values in (own, own**2)
-    )
+    with np.errstate(invalid="ignore"):  # nothing is known of a step: nor is its mean
+        mean, square = (
+            float(np.mean([piece.sum() for piece in np.split(values, starts[1:])] / count))
+            for values in (own, own**2)
+        )
     angles = degrees[every]
     swings = np.maximum.reduceat(angles, starts) - np.minimum.reduceat(angles, starts)
     return JudgedMotion(mean, float(np.sqrt(square)), float(np.fmax.reduce(swings)))

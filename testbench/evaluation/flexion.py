@@ -376,6 +376,8 @@ def _reference(
     of the truth, unwrapped.
     """
     measured = None if joint.reference_joint is None else session.arm_joint(joint.reference_joint)
+    if measured is not None and not len(measured[0]):
+        return np.full(len(time), np.nan)
     if measured is not None:
         return np.asarray(np.interp(time, *measured, left=np.nan, right=np.nan))
     return unwrapped(flexion_of(joint, true_angles[joint.label]))

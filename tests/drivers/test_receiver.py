@@ -119,8 +119,12 @@ def test_an_arm_is_at_rest_only_after_a_while_and_while_nothing_may_move_it():
 
 FORBIDDEN = """\
 import errno, socket
-from testbench.drivers.arms.own_process import connections_allowed, forbid_connections
+from operator import add
+from testbench.drivers.arms.helper import Helper
+from testbench.drivers.arms.own_process import forbid_connections
+helper = Helper()
 ours, theirs = socket.socketpair()
+other, end = socket.socketpair()
 forbid_connections()
 ours.close() # the number of a connection that was lost is free again
 try:
@@ -129,13 +133,12 @@ except OSError as error:
     assert error.errno == errno.EMFILE
 else:
     raise SystemExit("a socket could be opened")
-with connections_allowed():
-    socket.socket().close()
-    other, end = socket.socketpair()
 end.sendall(b"x")
 assert other.recv(1) == b"x"
+assert helper.ask(add, 2, 3) == 5
+assert helper.ask(add, 2, "3") is None # what goes wrong there stays there
 """
 
 
-def test_a_process_may_be_kept_from_new_connections_and_keeps_those_that_it_has():
+def test_a_process_may_be_kept_from_new_connections_which_its_helper_makes_for_it():
     subprocess.run([sys.executable, "-c", FORBIDDEN], cwd=ROOT, check=True, timeout=60)

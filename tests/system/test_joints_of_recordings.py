@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -62,7 +63,9 @@ def test_a_person_who_stands_and_walks_has_joint_angles_with_their_uncertainty(w
     sd = np.degrees(own.sd[key, label])
     assert np.nanmax(np.sqrt(np.nanmean(error**2, axis=0))) < 7
     assert np.nanmean(np.abs(error) < 3 * sd) > 0.95
-    assert np.abs(np.nanmean(error[:100, 0])) < 7 and sd.min() > 0.2
+    # across the axis of a hinge nothing but the filters is wrong while it is straight
+    assert np.abs(np.nanmean(error[:100, 0])) < 7
+    assert sd.min() > (0.05 if joint == "knee_axis_r" else 0.2)
 
 
 def test_what_told_the_axes_and_the_headings_is_said(walked):
@@ -293,6 +296,14 @@ def test_a_body_that_does_not_move_has_no_angles_and_says_what_to_add(tmp_path, 
     assert "which way the body faces" in render(session, estimated, evaluation)
     with pytest.raises(InputError, match=r"has no angles of hip_r.*what tells it"):
         write_export("mot", ExportSource(session, estimated), tmp_path / "a.mot")
+
+
+def test_a_joint_whose_sensors_have_no_orientation_says_so(tmp_path, clock):
+    mapping, files = walking_limb.export(walking_limb.walk(1, 4.0), tmp_path / "files", JOINTS)
+    mapping.write_text(re.sub(r"    (gyr|sampling): .*\n", "", mapping.read_text()))
+    session = import_recording("generic", files, tmp_path / "s", clock, Options(str(mapping)))
+    for joint in estimate(session).joints.values():
+        assert not joint.angles and [own.code for own in joint.findings] == ["joint.no_filter"]
 
 
 def edited(session: Session, folder: Path, **analysis) -> Session:

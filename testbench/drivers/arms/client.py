@@ -9,6 +9,7 @@ import numpy as np
 
 from testbench.clock import Clock, SystemClock, seconds
 from testbench.drivers.arms.controller_clock import ControllerClock
+from testbench.drivers.arms.helper import Helper
 from testbench.drivers.arms.settings import LinkSettings
 from testbench.drivers.arms.standing import Standing
 
@@ -67,9 +68,11 @@ class ArmClient(ABC):
         garbled: Why what the controller sent cannot be true; empty while it can.
         may_move: Whether, by the newest sample, something on the controller may move the arm.
         own_process: Whether it has the process to itself, so that threads and limits are its own.
+        helper: Makes connections where this process may not; None where it may.
     """
 
     own_process = False
+    helper: Helper | None = None
 
     def __init__(self, settings: LinkSettings, time: Clock | None = None):
         self.settings, self.time = settings, time or SystemClock()

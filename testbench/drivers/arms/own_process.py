@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import resource
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 STANDARD_STREAMS = 3
 
@@ -16,21 +15,11 @@ def forbid_connections() -> None:
     A client library that loses its connection must not come back by itself, upload its program
     again and take the arm over while somebody else looks after it. ur_rtde (1.6.5) has no switch
     for that; its attempt fails when the system refuses a new descriptor. Those that are open stay
-    usable (setrlimit(2): the limit is on the number of the next one).
+    usable (setrlimit(2): the limit is on the number of the next one). What must be connected to all
+    the same, a `Helper` does.
     """
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (STANDARD_STREAMS, most))
-
-
-@contextmanager
-def connections_allowed() -> Iterator[None]:
-    """Open something after all, in this block."""
-    before = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (before[1], before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
 def within(call: Callable[[], object], patience_s: float) -> bool:

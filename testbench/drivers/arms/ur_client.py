@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -18,7 +18,7 @@ import numpy as np
 from testbench.clock import Clock
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
 from testbench.drivers.arms.controller_lock import USED_BY_ANOTHER_RUN, ControllerLock
-from testbench.drivers.arms.own_process import connections_allowed, forbid_connections, within
+from testbench.drivers.arms.own_process import forbid_connections, within
 from testbench.drivers.arms.rtde import RtdeStream
 from testbench.drivers.arms.settings import STOP_RAD_S2, LinkSettings
 from testbench.drivers.arms.standing import Standing
@@ -455,13 +455,20 @@ class UrClient(ArmClient):
             raise ArmFault("refused", failure)
 
     def _call(self, call: Callable[..., Any], *arguments: Any) -> bool:
-        """Whether the controller took a command."""
+        """Whether the controller took a command.
+
+        The library is not called over a connection that is lost: its two threads would take it
+        apart at the same time.
+        """
+        if self.lost:
+            raise ArmFault("disconnect", f"the connection to the controller was lost: {self.lost}")
         self._began = begin = self.now()
         try:
             done = call(*arguments)
-        except Exception as error:
+        except Exception:  # what it says is about its own attempt to connect again
+            which = self.lost or "that for commands"
             raise ArmFault(
-                "disconnect", f"the connection to the controller was lost: {error}"
+                "disconnect", f"the connection to the controller was lost: {which}"
             ) from None
         finally:
             self._began = None
@@ -526,8 +533,7 @@ class UrClient(ArmClient):
             not self.may_move or self._within(lambda: self._end(deceleration))
         ):
             return
-        with self._outside():
-            tell_stop(self.settings.host, deceleration)
+        self._outside(tell_stop, self.settings.host, deceleration)
 
     def _end(self, deceleration: float) -> None:
         """Stop the arm and end the program, by the library."""
@@ -549,16 +555,18 @@ class UrClient(ArmClient):
             return True
         return False
 
-    def _outside(self) -> Any:
-        """In this block connections may be made."""
-        return connections_allowed() if self.own_process else nullcontext()
+    def _outside(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """What a function says that makes connections, which this process may not."""
+        if self.helper is not None:
+            return self.helper.ask(function, *arguments)
+        return function(*arguments)
 
     def stop_from_outside(self, deceleration: float) -> Standing:
         if self._control is None:
             return Standing.AT_REST
         self._told_outside = True
-        with self._outside():
-            return stop_from_outside(self.settings.host, deceleration, self.time)
+        seen = self._outside(stop_from_outside, self.settings.host, deceleration, self.time)
+        return Standing.UNKNOWN if seen is None else Standing(seen)
 
     def close(self) -> None:
         """Let go of the controller; never raises."""

@@ -21,6 +21,7 @@ import numpy as np
 
 from testbench.clock import Clock, SystemClock
 from testbench.drivers.arms.client import ArmClient, ArmFault, Row
+from testbench.drivers.arms.helper import Helper
 from testbench.drivers.arms.onset import LEAD_S, Onset
 from testbench.drivers.arms.outbox import Outbox
 from testbench.drivers.arms.settings import STOP_RAD_S2, LinkSettings, Motion
@@ -425,11 +426,12 @@ class Worker:
 
 def main(descriptor: int) -> None:
     """Serve the bench at the other end of a socket, then end this process."""
+    helper = Helper([descriptor])
     faulthandler.enable()  # what a library's crash leaves on stderr is kept with the session
     with suppress(OSError):  # where the system lets it; the loop sleeps nearly all of its time
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))
     bench = Outbox(Connection(descriptor))
-    serve(bench, SystemClock(), own_process=True)
+    serve(bench, SystemClock(), helper)
     bench.flush(FLUSH_S)
     os._exit(
         0
@@ -438,17 +440,17 @@ def main(descriptor: int) -> None:
     )
 
 
-def serve(connection: Bench, time: Clock, own_process: bool = False) -> None:
+def serve(connection: Bench, time: Clock, helper: Helper | None = None) -> None:
     """Drive an arm as the bench asks, from its settings until it lets go.
 
     Args:
         connection: To the bench.
         time: What everything here goes by.
-        own_process: There is nothing else in this process.
+        helper: Of a process in which there is nothing else.
     """
     _, kind, settings = connection.recv()
     client: ArmClient = kind(settings, time)
-    client.own_process = own_process
+    client.own_process, client.helper = helper is not None, helper
     try:
         _serve(connection, client, settings)
     finally:

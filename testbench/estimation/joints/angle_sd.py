@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from testbench.estimation.calibration.hinge_axis import LEAST_RATE
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.decomposition import Decomposition
+from testbench.model.windows import moving_mean
 
 MOST = 50_000
 """Instants that it is computed at; between them it is interpolated: it follows the posture."""
@@ -16,6 +18,8 @@ STEP = 1e-5
 """Of a small rotation in a numeric derivative [rad]."""
 INCLINATION_SD = np.radians(0.3)
 """Of each filter's vertical while a body moves, about each level axis [rad]."""
+TURNS_S = 1.0
+"""A joint turns where its rate is high over so long (RMS) [s]: legs stand within a stride."""
 UP_OF_SEGMENT = np.array([0.0, 1.0, 0.0])
 
 
@@ -110,7 +114,8 @@ def _as_seen(covariance: np.ndarray, time_ns: np.ndarray, R: np.ndarray) -> np.n
     sensor and by what the joint moves beside its axis. The one does not follow the other, so that
     the mean square of their sum is at least that of the errors: what is stated is made as small
     where it is more. Instants count by the square of the rate about the axis, as they do where the
-    axis is found.
+    axis is found; where the joint does not turn, as while filters still settle at the beginning,
+    nothing is seen.
 
     Args:
         covariance: Of each sensor's own errors about the distal axes, shape (n, 3, 3) [rad^2].
@@ -122,16 +127,19 @@ def _as_seen(covariance: np.ndarray, time_ns: np.ndarray, R: np.ndarray) -> np.n
     """
     turned = np.arctan2(R[:, 1, 0] - R[:, 0, 1], R[:, 0, 0] + R[:, 1, 1])
     steps = np.diff(time_ns) / NANOSECONDS
-    rate = rotation.wrap(np.diff(turned)) / steps
+    rate = np.nan_to_num(rotation.wrap(np.diff(turned)) / steps)
     apart = np.sum(R[1:, 2, :2] ** 2, axis=1)  # z of the proximal segment across the distal one's
     stated = covariance[1:, 0, 0] + covariance[1:, 1, 1]
-    known = np.isfinite(rate) & np.isfinite(apart)
+    known = np.isfinite(apart)
     weight = rate[known] ** 2
     most, seen = weight @ stated[known], weight @ apart[known]
     if not 0 < seen < most:
         return covariance
-    less = np.diag([np.sqrt(seen / most), np.sqrt(seen / most), 1.0])
-    return np.asarray(less @ covariance @ less)
+    window = max(round(TURNS_S / float(np.median(steps))), 1)
+    turns = np.sqrt(np.maximum(moving_mean(rate**2, window), 0.0)) > LEAST_RATE
+    across = np.where(np.append(turns[:1], turns), np.sqrt(seen / most), 1.0)
+    less = np.column_stack([across, across, np.ones(len(R))])
+    return np.asarray(covariance * less[:, :, None] * less[:, None, :])
 
 
 def _relative_variance(time_ns: np.ndarray, budget: AngleBudget) -> np.ndarray:

@@ -19,7 +19,7 @@ from testbench.estimation.joints.placing import Placing, place, shared_sd
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.joint_angle import decomposition_of, joint_angle_series
-from testbench.records.findings.catalogue import of_filters_together
+from testbench.records.findings.catalogue import finding, of_filters_together
 from testbench.records.results.estimate import JointEstimate, as_kept
 from testbench.records.specs.protocol import BodyJoint
 
@@ -64,8 +64,12 @@ def estimate_body(
                     found[name].findings.extend(new)
                     if placing.refused is None:
                         _angles(found[name], name, joint, recording, kind, placing)
-    for own in found.values():
-        own.findings[:] = of_filters_together(own.findings)
+    for name, joint in joints.items():
+        own = found[name].findings
+        own[:] = of_filters_together(own)
+        given = [recording.sensors[end].orientation for end in ends(joint)]
+        if not any(all(kind.name in one for one in given) for kind in filters):
+            own.append(finding("joint.no_filter"))
     return found
 
 

@@ -20,7 +20,7 @@ from testbench.estimation.joints.facing import (
     find_facing,
     relative_headings,
 )
-from testbench.estimation.joints.limb import Limb, limb_of, sensors_of
+from testbench.estimation.joints.limb import LEAST_S, Limb, limb_of, sensors_of
 from testbench.estimation.joints.placement import (
     HingePair,
     Placed,
@@ -44,6 +44,10 @@ DIRECTIONS = {
     for sign in ("", "-")
     for i, name in enumerate("xyz")
 }
+TOO_SHORT = (
+    f"its sensors have orientations together for less than {2 * LEAST_S:g} s, or in less than half "
+    "of the time"
+)
 _NO_STANDING = {
     True: (
         "no standing pose was found: there is no rest of all its sensors of 1 s",
@@ -119,7 +123,7 @@ def place(
     own = {name: recording.sensors[name] for name in names}
     limb = limb_of(own, {name: recording.read[name].force for name in names}, kind.name)
     if limb is None:
-        return Placing(method, refused=Unknown("its sensors were hardly recorded together", ""))
+        return Placing(method, refused=Unknown(TOO_SHORT, ""))
     relative = relative_headings(limb, joints, shared_sd(kind))
     if method == "stated":
         return _as_stated(recording, joints, kind, limb, relative)

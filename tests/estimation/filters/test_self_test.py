@@ -340,7 +340,7 @@ def test_the_command_judges_the_filters_and_a_file_and_its_exit_code_tells(tmp_p
     (report,) = json.loads(bad.stdout)["filters"]
     assert "taken as deg/s" in report["reason"] and not report["passed"]
     table = runner.invoke(app, ["filters", "--self-test", f"{file}:Mine"])
-    assert table.exit_code == 1 and "turn about +z" in table.stdout
+    assert table.exit_code == 2 and "turn about +z" in table.stdout
     everything = runner.invoke(app, ["filters", "--self-test", "--json"])
     assert everything.exit_code == 0
     assert len(json.loads(everything.stdout)["filters"]) >= len(FILTERS) - 1

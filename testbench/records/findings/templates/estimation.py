@@ -221,6 +221,12 @@ TEMPLATES = {
         "",
         "what tells it: {add}",
     ),
+    "joint.no_filter": Template(
+        WARNING,
+        "none of the filters ran for both of its sensors: it has no angles",
+        "each filter that was left out of a sensor is named with the reason",
+        "--filters names others",
+    ),
     "joint.not_computed": Template(WARNING, "{filter}: its angles were not computed: {why}"),
     "chain.no_arm": Template(
         WARNING,

@@ -77,14 +77,14 @@ TEMPLATES = {
     ),
     "structure.joint_turned": Template(
         WARNING,
-        "a {kind} has {distal} nearer to the trunk by the names of its sensors, and {proximal} is "
-        "named first",
+        "the {kind} has {distal} nearer to the trunk by the names of its sensors, and "
+        "{proximal} is named first",
         "two sensors that are exchanged turn signs and axes of the angles",
         "--joint NAME={distal}:{proximal}; other names, if these mislead",
     ),
     "structure.joint_elsewhere": Template(
         WARNING,
-        "a {kind} is between {segments}, and its sensors are called {proximal} and {distal}",
+        "the {kind} is between {segments}, and its sensors are called {proximal} and {distal}",
         "the angles of another joint look like those of this one, and the motion may not show it",
         "--joint NAME=PROXIMAL:DISTAL names the two sensors beside it; other names, if these "
         "mislead",
