@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbench.estimation.alignment.parting import find_parting
+from testbench.estimation.alignment.parted_truth import cut_at
+from testbench.estimation.alignment.parting import Parting, find_parting, find_partings
 from testbench.records.session.samples import Truth
 from tests.estimation.test_access import samples_of
 from tests.estimation.test_truth_faults import ramped
@@ -82,3 +83,51 @@ def test_fast_turns_about_changing_axes_are_followed():
     found = _found(own, ramped(truth, 30, 4, 40))
     assert found is not None
     assert np.degrees(found.angle) == pytest.approx(40, abs=8)
+
+
+def slipped(truth: Truth, begin: float, seconds: float, degrees: float) -> Truth:
+    """A truth whose body slips under its markers by and by."""
+    part = np.clip((truth.host_time_ns * 1e-9 - begin) / seconds, 0, 1)
+    axis = np.array([0.6, -0.64, 0.48])
+    by = Rotation.from_rotvec(np.radians(degrees) * part[:, None] * axis)
+    q = Rotation.from_quat(truth.q_world_from_sensor, scalar_first=True) * by
+    return replace(truth, q_world_from_sensor=q.as_quat(scalar_first=True))
+
+
+@pytest.mark.parametrize(
+    ("begin", "seconds", "degrees"), [(61.3, 0.5, 10), (40.2, 2, 30), (92.9, 5, -20), (80, 20, 25)]
+)
+def test_a_body_that_slips_under_its_markers_is_told_with_when(motion, begin, seconds, degrees):
+    """From there on both turn about other axes: in the world they part for ever on."""
+    samples, truth = motion
+    found = _found(samples, slipped(truth, begin, seconds, degrees))
+    assert found is not None
+    assert np.degrees(found.angle) == pytest.approx(abs(degrees), abs=2)
+    assert found.begin_ns * 1e-9 == pytest.approx(begin, abs=2.5)
+    assert found.end_ns * 1e-9 == pytest.approx(begin + seconds, abs=2.5)
+
+
+def test_a_truth_that_drifts_for_half_a_recording_or_all_of_it_is_told(motion):
+    samples, truth = motion
+    span = float(truth.host_time_ns[-1]) * 1e-9
+    for begin, seconds in ((span / 2, span / 2), (0.0, span)):
+        drifting = ramped(truth, begin, seconds, 0.8 * seconds)
+        half = int(np.median(np.diff(samples.device_time_ns))) // 2
+        found = find_partings(samples, samples.device_time_ns - half, drifting)
+        parted = sum(own.end_ns - own.begin_ns for own in found) * 1e-9
+        assert parted == pytest.approx(seconds, abs=0.15 * span)
+
+
+def test_a_truth_is_cut_where_both_part():
+    """What lies beside a parting is two pieces, the longer of which is kept."""
+    seconds = np.arange(0, 100, 0.1)
+    time = np.round(1e9 * seconds).astype(np.int64)
+    truth = Truth(time, np.tile([1.0, 0, 0, 0], (len(time), 1)))
+    cut = cut_at([Parting(0.3, 30_000_000_000, 40_000_000_000)], truth, time)
+    assert cut is not None
+    kept, lost, (other,) = cut
+    known = np.isfinite(kept.q_world_from_sensor[:, 0])
+    assert seconds[known].min() == pytest.approx(40) and known.sum() == 600
+    np.testing.assert_array_equal(lost, ~known)
+    assert seconds[other.rows].max() == pytest.approx(30) and len(other.truth.host_time_ns) == 301
+    assert cut_at([Parting(0.3, 5_000_000_000, 95_000_000_000)], truth, time) is None

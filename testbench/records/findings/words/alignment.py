@@ -181,11 +181,18 @@ TEMPLATES = {
     ),
     "truth.parts": Template(
         WARNING,
-        "from {begin_s:.1f} s to {end_s:.1f} s truth and gyroscope part by {angle_deg:.0f} deg, "
-        "while they turn alike elsewhere",
+        "truth and gyroscope part slowly in {stretches} stretches, most from {begin_s:.1f} s to "
+        "{end_s:.1f} s by {angle_deg:.0f} deg, while they turn alike elsewhere",
         "a body slipped under its markers, the reference drifted, or the gyroscope was clipped or "
-        "disturbed: what is judged from there on holds it, and nobody knows of which",
-        "to judge both sides of it apart, cut the file there and import the parts one by one",
+        "disturbed, and nobody knows which; {lost_s:.1f} s of it that do not fit the rest were "
+        "left out",
+    ),
+    "truth.parts_throughout": Template(
+        WARNING,
+        "truth and gyroscope part slowly in {stretches} stretches, most from {begin_s:.1f} s to "
+        "{end_s:.1f} s by {angle_deg:.0f} deg, and turn alike for less than 10 s anywhere",
+        "the reference or the gyroscope drifts, and nobody knows which; none of {lost_s:.1f} s is "
+        "judged",
     ),
     "truth.aligned_apart": Template(
         WARNING,
