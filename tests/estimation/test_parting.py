@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from testbench.estimation.alignment.ambiguous_truth import find_ambiguous
 from testbench.estimation.alignment.parted_truth import cut_at
-from testbench.estimation.alignment.parting import Parting, find_parting, find_partings
+from testbench.estimation.alignment.parting import Parting, find_partings
+from testbench.estimation.signals.truth_faults import find_faults
 from testbench.records.session.samples import Truth
+from tests.benchmarks.recordings import of_arrays
 from tests.estimation.test_access import samples_of
 from tests.estimation.test_truth_faults import ramped
 
@@ -25,9 +28,13 @@ def motion():
     return replace(samples, gyr=samples.gyr @ mounted.T + bias), truth
 
 
-def _found(samples, truth: Truth):
+def _all(samples, truth: Truth) -> list[Parting]:
     half = int(np.median(np.diff(samples.device_time_ns))) // 2
-    return find_parting(samples, samples.device_time_ns - half, truth)
+    return find_partings(samples, samples.device_time_ns - half, truth)
+
+
+def _found(samples, truth: Truth) -> Parting | None:
+    return max(_all(samples, truth), key=lambda own: own.angle, default=None)
 
 
 def test_nothing_is_told_where_both_turn_alike(motion):
@@ -111,9 +118,8 @@ def test_a_truth_that_drifts_for_half_a_recording_or_all_of_it_is_told(motion):
     samples, truth = motion
     span = float(truth.host_time_ns[-1]) * 1e-9
     for begin, seconds in ((span / 2, span / 2), (0.0, span)):
-        drifting = ramped(truth, begin, seconds, 0.8 * seconds)
-        half = int(np.median(np.diff(samples.device_time_ns))) // 2
-        found = find_partings(samples, samples.device_time_ns - half, drifting)
+        drifting = ramped(truth, begin, seconds, 1.5 * seconds)
+        found = _all(samples, drifting)
         parted = sum(own.end_ns - own.begin_ns for own in found) * 1e-9
         assert parted == pytest.approx(seconds, abs=0.15 * span)
 
@@ -131,3 +137,47 @@ def test_a_truth_is_cut_where_both_part():
     np.testing.assert_array_equal(lost, ~known)
     assert seconds[other.rows].max() == pytest.approx(30) and len(other.truth.host_time_ns) == 301
     assert cut_at([Parting(0.3, 5_000_000_000, 95_000_000_000)], truth, time) is None
+
+
+@pytest.mark.parametrize(("truth_rate", "told"), [(100, False), (8, True)])
+def test_a_body_that_spins_at_1900_deg_s_has_no_steps_and_no_partings(truth_rate, told):
+    """At 8 Hz it turns by more than half a turn between two orientations of its truth."""
+    rng = np.random.default_rng(1)
+    t = np.arange(0, 60, 0.01)
+    angles = np.array([60, 40, 50]) * np.sin(t[:, None] * [0.9, 0.7, 1.1])
+    pace = np.clip(np.sin(0.4 * t), 0, None)
+    spin = Rotation.from_rotvec(np.radians(1900) * np.cumsum(pace)[:, None] * 0.01 * [0.6, 0, 0.8])
+    q = Rotation.from_euler("ZYX", angles, degrees=True) * spin
+    samples = of_arrays(
+        100.0, (q[:-1].inv() * q[1:]).as_rotvec() * 100, np.zeros((len(t) - 1, 3)), seconds=t[1:]
+    )
+    noise = Rotation.from_rotvec(0.002 * rng.standard_normal((len(t), 3)))
+    every = round(100 / truth_rate)
+    stamps = np.round(1e9 * t).astype(np.int64)
+    truth = Truth(stamps[::every], (q * noise).as_quat(scalar_first=True)[::every])
+    assert np.degrees(np.linalg.norm(samples.gyr, axis=1).max()) > 1850
+    faults = find_faults(samples, samples.device_time_ns, truth)
+    assert not faults.findings or told
+    if not told:
+        assert _all(samples, truth) == []
+    found = find_ambiguous(samples, samples.device_time_ns, truth)
+    assert (found is not None) == told
+    if found is not None:
+        lost, finding = found
+        assert finding.values["turn_deg"] == pytest.approx(1900 / truth_rate, rel=0.15)
+        speed = np.degrees(np.linalg.norm(samples.gyr, axis=1))
+        assert speed[lost].min() > 1000 and lost[speed > 1500].mean() > 0.95
+
+
+@pytest.mark.parametrize("of_the_truth", [True, False])
+def test_gaps_of_three_seconds_are_no_faults(motion, of_the_truth):
+    samples, truth = motion
+    clock = truth.host_time_ns if of_the_truth else samples.device_time_ns
+    lost = (clock * 1e-9 % 40 > 20) & (clock * 1e-9 % 40 < 23)
+    if of_the_truth:
+        q = np.where(lost[:, None], np.nan, truth.q_world_from_sensor)
+        truth = replace(truth, q_world_from_sensor=q)
+    else:
+        samples = replace(samples, gyr=np.where(lost[:, None], np.nan, samples.gyr))
+    assert find_faults(samples, samples.device_time_ns, truth).findings == []
+    assert _all(samples, truth) == []

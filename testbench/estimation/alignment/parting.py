@@ -30,6 +30,10 @@ OVER_S = 0.05
 """Rates are compared as means over so long [s]."""
 FEWEST = 100
 """Intervals that a fit of rates to rates needs: twelve numbers in each axis' equations."""
+MOST_TURN = np.radians(30.0)
+"""Over an interval in which a body turns further, a mean rate is no turn any more [rad]: what axes
+that change leave is of second order, 4 % of it.
+"""
 ROUNDS, KEPT = 3, 0.8
 """The fit is made so many times, again to the part of the intervals that fitted best [1]."""
 BLOCK_S = 2.0
@@ -174,7 +178,8 @@ class _Intervals:
 
         Returns:
             Sum of what turns the gyroscope's world to the truth's, shape (n, 3) [rad], and the path
-            that the gyroscope has turned, shape (n,) [rad].
+            that the gyroscope has turned, with what its sampling may be wrong by put to it, shape
+            (n,) [rad].
         """
         turned = Turning.of(self.samples @ fitted, self.samples_ns)
         apart = rotation.multiply(self.q, rotation.conjugate(turned.q[self.rows]))
@@ -187,7 +192,7 @@ class _Intervals:
             known = np.zeros(3), USUAL_BIAS
         bias = _bias(changes[where], body[where], self.width, known)
         changes -= body @ bias * self.width
-        path = turned.slow_path[self.rows]
+        path = turned.slow_path[self.rows] + turned.coning[self.rows] / NONLINEAR
         return np.concatenate([np.zeros((1, 3)), np.cumsum(changes, axis=0)]), path
 
 
@@ -214,6 +219,10 @@ def _with_one(gyr: np.ndarray) -> np.ndarray:
 def find_partings(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> list[Parting]:
     """All stretches in which truth and gyroscope part, in the order of time.
 
+    The truth's rate in the body is fitted by a linear map of what the gyroscope reads, which takes
+    mounting, scale, cross-axis errors and bias; what that turns is held against the truth. Over
+    each span both must turn alike. Where two maps fit far better than one, the body slipped.
+
     Args:
         samples: Of the sensor, with mean rates.
         time_ns: Instants that its rates are of, increasing, shape (n,) [ns].
@@ -234,28 +243,16 @@ def find_partings(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> lis
     return sorted(found, key=lambda own: own.begin_ns)
 
 
-def find_parting(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> Parting | None:
-    """Where truth and gyroscope part most, or None.
-
-    The truth's rate in the body is fitted by a linear map of what the gyroscope reads, which takes
-    mounting, scale, cross-axis errors and bias; what that turns is held against the truth. Over
-    each span both must turn alike. Where two maps fit far better than one, the body slipped.
-
-    Args:
-        samples: Of the sensor, with mean rates.
-        time_ns: Instants that its rates are of, increasing, shape (n,) [ns].
-        truth: Without its steps.
-    """
-    both = _Intervals.of(samples, time_ns, truth)
-    return None if both is None else _most(both)
-
-
 def _most(both: _Intervals) -> Parting | None:
     """The stretch in which both part most."""
     if len(both.rows) < FEWEST:
         return None
-    fitted = _map(both.rate, both.design)
-    slip = find_changed_map(both.rate, both.design, fitted, both.width)
+    slow = rotation.lengths(both.rate) * both.width < MOST_TURN
+    if slow.sum() < FEWEST:
+        return None
+    fitted = _map(both.rate[slow], both.design[slow])
+    told = slow[:, None]
+    slip = find_changed_map(both.rate * told, both.design * told, fitted, both.width)
     if slip is not None:
         before = both.apart(slip.before, slice(slip.at))[0]
         after = both.apart(slip.after, slice(slip.at, None))[0]

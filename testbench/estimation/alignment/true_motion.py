@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from testbench.estimation.alignment.ambiguous_truth import find_ambiguous
 from testbench.estimation.alignment.parted_truth import cut_at, told_of
 from testbench.estimation.alignment.parting import find_partings
 from testbench.estimation.alignment.truth_reading import RateFit, fit_rates, misread
@@ -13,6 +14,7 @@ from testbench.estimation.signals.access import SampleAccess
 from testbench.estimation.signals.common_motion import MOST_DRIFT
 from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.estimation.signals.truth_faults import (
+    AMBIGUOUS,
     FROZEN,
     PARTED,
     STEPPED,
@@ -167,9 +169,25 @@ def true_motion(
         findings.insert(0, told)
     if doubt is None and sound.clock.method == "none" and sound.truth is not None:
         findings += _late(access, sound.truth, described, sound.clock)
-    return _cut_where_both_part(
-        access, read, replace(sound, findings=findings, unaligned=unaligned, fit=fit)
-    )
+    motion = replace(sound, findings=findings, unaligned=unaligned, fit=fit)
+    return _without_ambiguous(access, _cut_where_both_part(access, read, motion))
+
+
+def _without_ambiguous(access: SampleAccess, motion: TrueMotion) -> TrueMotion:
+    """The same with samples lost at which a truth of too low a rate tells no turn.
+
+    Args:
+        access: To the samples of the sensor.
+        motion: Its clock and truth.
+    """
+    if motion.unaligned or motion.truth is None or motion.clock.method == "arrival":
+        return motion
+    time = motion.clock.to_host(access.samples.device_time_ns)
+    found = find_ambiguous(access.turned, time, motion.truth)
+    if found is None:
+        return motion
+    lost, told = found
+    return replace(motion, lost=motion.lost | {AMBIGUOUS: lost}, findings=[*motion.findings, told])
 
 
 def _cut_where_both_part(access: SampleAccess, read: np.ndarray, motion: TrueMotion) -> TrueMotion:

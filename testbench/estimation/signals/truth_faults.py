@@ -28,6 +28,7 @@ LEAST_TURN, LEAST_RATE = np.radians(4.0), np.radians(3.0)
 """What the gyroscope must turn while the truth stands still [rad], and how fast [rad/s]."""
 FROZEN, STEPPED = "the truth stands still", "the truth has stepped"
 PARTED = "truth and gyroscope have parted"
+AMBIGUOUS = "the truth turns too far between its orientations"
 """Why samples are left out whose truth was lost."""
 
 

@@ -179,6 +179,13 @@ TEMPLATES = {
         "lost or repeated, or a clock jumped; {lost_s:.1f} s of it that do not fit the rest were "
         "left out",
     ),
+    "truth.ambiguous": Template(
+        WARNING,
+        "the sensor turns by up to {turn_deg:.0f} deg between neighbouring orientations of the "
+        "truth at {rate_hz:.0f} Hz, {times} times and first at {at_s:.2f} s",
+        "from half a turn on nobody can tell which way it went: what lies between them is left out",
+        "record the truth at a higher rate, or turn more slowly",
+    ),
     "truth.parts": Template(
         WARNING,
         "truth and gyroscope part slowly in {stretches} stretches, most from {begin_s:.1f} s to "
