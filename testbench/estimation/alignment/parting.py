@@ -52,13 +52,14 @@ NONLINEAR = 0.003
 """Part of its path by which a gyroscope's turn is wrong beyond any linear map [1]: data sheets give
 0.1 to 0.2 % of full scale (TDK MPU-6050, PS-MPU-6000A-00, 6.1: 0.2 %).
 """
-USUAL = 3.0
+USUAL, QUIET = 3.0, 0.3
 """A change counts that is so many times the median one over the shortest span, where errors walk at
-random: times the root of the span.
+random: times the root of the span; and as many times that which so many over the same span stay
+below, so that a drift may last for half of a recording.
 """
 USUAL_BIAS = np.radians(2.0)
 """What a map of rates may leave of a bias [rad/s]."""
-EXPLAINED = 0.7
+EXPLAINED = 0.5
 """A drift is parted from a bias where that leaves less than so much of the squares [1]: where a
 body hardly turns, both together explain any error.
 """
@@ -169,7 +170,7 @@ class _Intervals:
 
     def apart(
         self, fitted: np.ndarray, where: slice = slice(None)
-    ) -> tuple[np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray, bool]:
         """How far both are from one another, by a map of the rates.
 
         Args:
@@ -179,7 +180,7 @@ class _Intervals:
         Returns:
             Sum of what turns the gyroscope's world to the truth's, shape (n, 3) [rad], and the path
             that the gyroscope has turned, with what its sampling may be wrong by put to it, shape
-            (n,) [rad].
+            (n,) [rad]; whether the world of the truth drifts throughout.
         """
         turned = Turning.of(self.samples @ fitted, self.samples_ns)
         apart = rotation.multiply(self.q, rotation.conjugate(turned.q[self.rows]))
@@ -190,10 +191,10 @@ class _Intervals:
         known = -self.rest @ fitted, max(self.rest_sd, AT_REST)
         if not np.isfinite(self.rest).all():
             known = np.zeros(3), USUAL_BIAS
-        bias = _bias(changes[where], body[where], self.width, known)
+        bias, drifts = _bias(changes[where], body[where], self.width, known)
         changes -= body @ bias * self.width
         path = turned.slow_path[self.rows] + turned.coning[self.rows] / NONLINEAR
-        return np.concatenate([np.zeros((1, 3)), np.cumsum(changes, axis=0)]), path
+        return np.concatenate([np.zeros((1, 3)), np.cumsum(changes, axis=0)]), path, drifts
 
 
 def _read_at_rest(gyr: np.ndarray, step: float) -> tuple[np.ndarray, float]:
@@ -258,8 +259,8 @@ def _most(both: _Intervals) -> Parting | None:
         after = both.apart(slip.after, slice(slip.at, None))[0]
         at, reach = int(both.time_ns[slip.at]), round(LONGEST_SLIP_S / 2 * NANOSECONDS)
         return _between(both, (before, after), Parting(slip.angle, at - reach, at + reach))
-    apart, path = both.apart(fitted)
-    found = _widest(apart, path, both.time_ns, both.width)
+    apart, path, drifts = both.apart(fitted)
+    found = _widest(apart, path, both.time_ns, both.width, drifts)
     return None if found is None else _between(both, (apart, apart), found)
 
 
@@ -308,8 +309,8 @@ def _alike(apart: np.ndarray, most: float) -> int:
 
 def _bias(
     changes: np.ndarray, body: np.ndarray, width: float, known: tuple[np.ndarray, float]
-) -> np.ndarray:
-    """The bias that the fit of rates left, shape (3,) [rad/s].
+) -> tuple[np.ndarray, bool]:
+    """The bias that the fit of rates left, shape (3,) [rad/s], and whether the truth drifts.
 
     Args:
         changes: Of both worlds against one another, shape (n, 3) [rad].
@@ -320,7 +321,7 @@ def _bias(
     block = max(round(BLOCK_S / width), 1)
     starts = np.arange(0, len(changes) - block + 1, block)
     if not len(starts):
-        return np.zeros(3)
+        return np.zeros(3), False
     summed = np.add.reduceat(changes, starts, axis=0)
     turned = np.add.reduceat(body, starts, axis=0) * width
     lasted = np.diff(np.append(starts, len(changes))) * width
@@ -329,7 +330,8 @@ def _bias(
     both = np.concatenate([turned, lasted[:, None, None] * np.eye(3)], axis=2)
     about = np.append(known[0], np.zeros(3))
     with_drift, less = _trimmed(both, summed, about, np.repeat([known[1], DRIFT], 3))
-    return alone if less > EXPLAINED * left else with_drift[:3]
+    drifts = less < EXPLAINED * left
+    return (with_drift[:3] if drifts else alone), drifts
 
 
 def _trimmed(
@@ -373,7 +375,7 @@ def _map(rate: np.ndarray, design: np.ndarray) -> np.ndarray:
 
 
 def _widest(
-    apart: np.ndarray, path: np.ndarray, time_ns: np.ndarray, width: float
+    apart: np.ndarray, path: np.ndarray, time_ns: np.ndarray, width: float, drifts: bool
 ) -> Parting | None:
     """The change that stands out most, over the shortest span that holds most of it.
 
@@ -382,6 +384,7 @@ def _widest(
         path: That the gyroscope has turned since the beginning, shape (n,) [rad].
         time_ns: Increasing, shape (n,) [ns].
         width: Of an interval [s].
+        drifts: Whether both part throughout, so that what is usual tells no error.
     """
     settled = max(round(SETTLED_S / width) // 2 * 2 + 1, 1)
     smooth = moving_mean(apart, settled, "held")
@@ -398,7 +401,9 @@ def _widest(
         change[lasted > 1.2 * span * width + 1.0] = 0.0  # a gap lies in between
         allowed = LEAST + DRIFT * seconds + NONLINEAR * (path[span:] - path[:-span])
         usual = usual or float(np.median(change))  # over the shortest span
-        allowed = np.maximum(allowed, USUAL * usual * np.sqrt(seconds / spans[0]))
+        walked = usual * np.sqrt(seconds / spans[0])
+        least = walked if drifts else max(walked, float(np.quantile(change, QUIET)))
+        allowed = np.maximum(allowed, USUAL * least)
         change[change < allowed] = 0.0
         at = int(np.argmax(change))
         if not change[at] > 0:
