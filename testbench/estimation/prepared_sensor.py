@@ -16,7 +16,7 @@ from testbench.estimation.alignment.axes import identify_axes
 from testbench.estimation.alignment.confused_sensors import in_place_of_comparison, name_confused
 from testbench.estimation.alignment.filter_alignment import FilterAlignment
 from testbench.estimation.alignment.resting_heading import drift_finding
-from testbench.estimation.alignment.true_motion import TrueMotion, true_motion
+from testbench.estimation.alignment.true_motion import IMPORTED, TrueMotion, true_motion
 from testbench.estimation.calibration.calibration_sections import corrected, fit_sections
 from testbench.estimation.calibration.stored_calibration import corrector
 from testbench.estimation.filters import OrientationFilter, UniformSamples
@@ -181,7 +181,7 @@ def prepare_sensor(
     gates = gates.without_rows(AFTER_GAP, others.elsewhere & sound, access.every)
     quality = gates.with_flags(motion.lost)
     quiet = static & ~quality.flagged
-    by_truth = truth is not None or description.driver != "imported"
+    by_truth = truth is not None or description.driver != IMPORTED
     up = Up(description.hemisphere, by_truth=by_truth)
     findings = [*findings, *access.contradictions(up), *quality.findings, *motion.findings]
     findings += restart_findings(access)
@@ -190,8 +190,13 @@ def prepare_sensor(
         calibration, told = fit_sections(run, samples, time, quiet, truth)
         findings += told
     correct = partial(corrected, calibration=calibration, sampling=description.sampling)
-    axes = {} if truth is None else identify_axes(samples, time, quiet, truth, run.gravity)
-    findings += axes_findings(axes)
+    known = description.driver != IMPORTED
+    axes = (
+        {}
+        if truth is None
+        else identify_axes(samples, time, quiet, truth, run.gravity, mounting_known=known)
+    )
+    findings += axes_findings(axes, mounting_known=known)
     up_stated = description.truth_world == "z_up"
     alignment = FilterAlignment(run, truth, time, ~quality.flagged, up_stated)
     alignment = alignment.prepared(correct, uniform, rows, static)
@@ -217,7 +222,9 @@ def prepare_sensor(
         for own in motion.apart:
             sound = own.rows & ~gates.flagged
             piece = FilterAlignment(run, own.truth, time, sound, up_stated)
-            pieces.append(PieceAlignment(piece.prepared(correct, uniform, rows, static), sound))
+            pieces.append(
+                PieceAlignment(piece.prepared(correct, uniform, rows, static), sound, own.reason)
+            )
     return PreparedSensor(
         description,
         access,

@@ -16,11 +16,18 @@ from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import ClockFit, Estimate
 from testbench.records.results.uncertainty import UncertaintySource
+from testbench.records.session.manifest import SensorRecord
 from testbench.records.session.session import Session
 
 STILL_DEG = 0.1
 """Where a sensor makes the truth move by less than this while it is judged, an unknown time does no
 more harm [deg]; the noise of an arm that stands still is a tenth of it.
+"""
+
+NYQUIST_DELAY = 1 / np.pi
+"""Delay of a low pass of first order that leaves half the sampling rate, 1 / (2 pi B) at B = f / 2
+[1 / f]. Who samples at f wants no narrower one, so that an unknown one delays by at most this; with
+all delays up to it alike, the root mean square is that of a rectangle of this half-width.
 """
 
 
@@ -47,12 +54,14 @@ class TimeDoubt:
         gyroscope_s: By how much the group delay of each sensor's gyroscope may be off [s]. A clock
             is fitted to angular rates, so that their delay is taken for a part of its offset.
         unknown: Sensors of which nobody states it, so that it is half an interval by itself.
+        filtered: Sensors of which it is said when they sample, and not what low pass lies before.
         arm_s: By how much the arm's own times were found to be doubtful within the session [s]; 0
             where they were not. A lasting offset is in the clocks, which are fitted to its motion.
     """
 
     gyroscope_s: dict[str, float]
     unknown: tuple[str, ...]
+    filtered: tuple[str, ...]
     arm_s: float
 
     @staticmethod
@@ -63,16 +72,20 @@ class TimeDoubt:
             session: The recording.
             estimate: With the fits of its clocks.
         """
-        gyroscope, unknown = {}, []
+        gyroscope, unknown, filtered = {}, [], []
         for name, sensor in estimate.sensors.items():
             described = session.manifest.sensors.get(name)
             if sensor.clock.method != "angular_rate" or described is None:
                 continue
             gyroscope[name] = 0.0
-            if described.rate_delay_s is None:
-                gyroscope[name] = _interval(sensor.host_time_ns) / 2
+            interval = _interval(sensor.host_time_ns) / sensor.every
+            if _lacks_its_low_pass(described):
+                gyroscope[name] = interval * NYQUIST_DELAY
+                filtered.append(name)
+            elif described.rate_delay_s is None:
+                gyroscope[name] = interval / 2
                 unknown.append(name)
-        return TimeDoubt(gyroscope, tuple(unknown), _arm_doubt(session))
+        return TimeDoubt(gyroscope, tuple(unknown), tuple(filtered), _arm_doubt(session))
 
     def notes(self, sensors: list[str]) -> list[str]:
         """What was assumed of some sensors.
@@ -85,6 +98,12 @@ class TimeDoubt:
             f"({1e3 * self.gyroscope_s[name]:.3g} ms) is taken, and may be off by as much"
             for name in sensors
             if name in self.unknown
+        ] + [
+            f"when a rate of '{name}' was sampled is stated, not the delay of a low pass before "
+            "that: none is taken off, and one that leaves half the rate delays by "
+            f"{1e3 * self.gyroscope_s[name]:.3g} ms"
+            for name in sensors
+            if name in self.filtered
         ]
 
     def findings(self, sensor: str) -> list[Finding]:
@@ -93,9 +112,12 @@ class TimeDoubt:
         Args:
             sensor: Its name.
         """
+        half_ms = 1e3 * self.gyroscope_s.get(sensor, 0.0)
+        if sensor in self.filtered:
+            return [finding("judged.low_pass_unstated", sensor, half_ms=half_ms)]
         if sensor not in self.unknown:
             return []
-        return [finding("judged.delay_unstated", sensor, half_ms=1e3 * self.gyroscope_s[sensor])]
+        return [finding("judged.delay_unstated", sensor, half_ms=half_ms)]
 
     def sd(self, estimate: Estimate, sensor: str) -> float:
         """Standard uncertainty of a sensor's time [s]: of its clock, and of its gyroscope's delay.
@@ -106,6 +128,21 @@ class TimeDoubt:
         """
         clock = float(np.nan_to_num(estimate.sensors[sensor].clock.offset_sd_s))
         return float(np.hypot(clock, self.gyroscope_s.get(sensor, 0.0) / np.sqrt(3.0)))
+
+
+def _lacks_its_low_pass(described: SensorRecord) -> bool:
+    """Whether the delay that is taken is that of an import's sampling alone.
+
+    Args:
+        described: What is known of the sensor.
+    """
+    if described.driver != "imported" or described.sampling is None:
+        return False
+    taken, rate = described.rate_delay_s, described.rate_hz
+    if described.sampling == "instantaneous":
+        return taken is None
+    # `sampling: integrated` puts half an interval there, unless the delay itself is stated
+    return taken is not None and rate is not None and bool(np.isclose(taken, 0.5 / rate))
 
 
 def _interval(time_ns: np.ndarray) -> float:
@@ -184,6 +221,8 @@ def group_delay_source(
     if sensor not in doubt.gyroscope_s:
         return None
     why = "the manifest states the delay (rate_delay_s)"
+    if sensor in doubt.filtered:
+        why = "the low pass before the sampling is not stated: at most that of half the rate"
     if sensor in doubt.unknown:
         why = "nobody states the delay (rate_delay_s): half an interval, give or take as much"
     return Stated(

@@ -332,6 +332,27 @@ def without_delays(session: Session) -> Session:
     return copy
 
 
+@pytest.mark.parametrize(
+    ("delay_s", "sampling", "half_ms"),
+    [
+        (0.5 / 60, "integrated", 1e3 / (2 * np.pi * 30)),  # a low pass of 30 Hz
+        (None, "instantaneous", 1e3 / (2 * np.pi * 30)),
+        (0.0121, "integrated", 0.0),  # with the low pass, as somebody stated
+    ],
+)
+def test_the_low_pass_before_a_stated_sampling_is_in_doubt(quick, delay_s, sampling, half_ms):
+    copy = Session(quick.session.path)
+    manifest = quick.session.manifest
+    changed = {"driver": "imported", "sampling": sampling, "rate_delay_s": delay_s, "rate_hz": 60.0}
+    sensors = {name: own.model_copy(update=changed) for name, own in manifest.sensors.items()}
+    copy.__dict__["manifest"] = manifest.model_copy(update={"sensors": sensors})
+    doubt = TimeDoubt.of(copy, quick.estimate)
+    assert doubt.gyroscope_s["forearm"] == pytest.approx(1e-3 * half_ms, rel=1e-3)
+    codes = [found.code for found in doubt.findings("forearm")]
+    assert codes == (["judged.low_pass_unstated"] if half_ms else [])
+    assert len(doubt.notes(["forearm"])) == len(codes)
+
+
 def test_a_delay_of_the_gyroscope_that_nobody_states_is_a_line_and_a_note(quick):
     known = of(quick.evaluation, "elbow", "flexion", "sweep")
     assert line(known, "group delay of the gyroscope, forearm").value == 0 and not known.assumed

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.estimation.alignment.filter_alignment import FilterAlignment
-from testbench.estimation.alignment.true_motion import STEPPED
+from testbench.estimation.signals.truth_faults import PARTED, STEPPED
 from testbench.frames import NANOSECONDS
 from testbench.model.statistics.intervals import median_interval
 from testbench.records.findings.catalogue import finding
@@ -24,6 +24,8 @@ LEAST_S = 10.0
 """A piece that is known for less is left out: that is two or three turns of a hand-held motion, of
 which a frame is fitted to some tenths of a degree [s].
 """
+TELLS = {"truth.stepped": STEPPED, "truth.parts": PARTED}
+"""Codes of findings that say for how long a truth was left out, and for which reason."""
 MOST_PIECES = 10
 """So many kinds of pieces are aligned, those that last longest."""
 WORSE, WORSE_DEG = 2.0, 1.0
@@ -37,10 +39,12 @@ class PieceAlignment:
     Attributes:
         alignment: To the truth of these pieces.
         rows: Samples that it holds for, shape (n,), bool.
+        reason: Why they were left out of the rest.
     """
 
     alignment: FilterAlignment
     rows: np.ndarray
+    reason: str = STEPPED
 
 
 def long_enough(pieces: Sequence[PieceAlignment]) -> list[PieceAlignment]:
@@ -81,15 +85,18 @@ def aligned_apart(
     apart = np.zeros(len(estimate.host_time_ns), dtype=np.int16)
     for number, (piece, _) in enumerate(accepted, 1):
         apart[piece.rows] = number
-    count = int((apart > 0).sum())
-    quality = dict(estimate.quality)
-    quality[STEPPED] = max(quality.get(STEPPED, 0) - count, 0)
+    quality, counted = dict(estimate.quality), dict.fromkeys(TELLS.values(), 0)
+    for number, (piece, _) in enumerate(accepted, 1):
+        counted[piece.reason] += int((apart == number).sum())
+    for reason, count in counted.items():
+        if count:
+            quality[reason] = max(quality.get(reason, 0) - count, 0)
     return replace(
         estimate,
         apart=apart,
         frames_apart=[fits for _, fits in accepted],
         quality=quality,
-        findings=_told(estimate, apart),
+        findings=_told(estimate, apart, counted),
     )
 
 
@@ -103,16 +110,22 @@ def _fits(fit: FrameFit, of_the_rest: FrameFit) -> bool:
     return rest is not None and fit.residual_deg <= max(WORSE * rest, rest + WORSE_DEG)
 
 
-def _told(estimate: SensorEstimate, apart: np.ndarray) -> list[Finding]:
-    """Findings that say what was left out, and what was aligned apart."""
+def _told(estimate: SensorEstimate, apart: np.ndarray, counted: Mapping[str, int]) -> list[Finding]:
+    """Findings that say what was left out, and what was aligned apart.
+
+    Args:
+        estimate: With what was found so far.
+        apart: As `SensorEstimate.apart`, shape (n,).
+        counted: Samples of it, by the reason for which they were left out.
+    """
     interval = median_interval(estimate.host_time_ns) / NANOSECONDS
     aligned_s = float((apart > 0).sum()) * interval
     begin_s = float(estimate.host_time_ns[int(np.argmax(apart > 0))]) / NANOSECONDS
     findings = []
     for own in estimate.findings:
         lost_s = own.values.get("lost_s")
-        if own.code == "truth.stepped" and isinstance(lost_s, float):
-            lost_s = max(lost_s - aligned_s, 0.0)
+        if own.code in TELLS and isinstance(lost_s, float):
+            lost_s = max(lost_s - counted[TELLS[own.code]] * interval, 0.0)
             own = finding(own.code, own.where, **{**own.values, "lost_s": lost_s})
         findings.append(own)
     kinds = int(apart.max())

@@ -13,8 +13,6 @@ whoever knows whether the field points down there or up.
 
 from __future__ import annotations
 
-from itertools import permutations
-
 import numpy as np
 
 from testbench.consistency.angular_rate import MAPS, names_of
@@ -42,7 +40,12 @@ LEAST_TILT = 0.3
 
 
 def identify_axes(
-    samples: ImuSamples, time_ns: np.ndarray, static: np.ndarray, truth: Truth, gravity: np.ndarray
+    samples: ImuSamples,
+    time_ns: np.ndarray,
+    static: np.ndarray,
+    truth: Truth,
+    gravity: np.ndarray,
+    mounting_known: bool = True,
 ) -> dict[str, AxisFinding]:
     """The axes of each triad of a sensor, and the convention of its quaternion.
 
@@ -52,6 +55,7 @@ def identify_axes(
         static: Whether each is at rest and sound, shape (n,), bool.
         truth: Of the sensor, in the axes it is believed to have.
         gravity: In the world, shape (3,) [m/s^2].
+        mounting_known: Whether the sensor sits as it is believed to; see `findings_on`.
 
     Returns:
         By "gyr", "acc", "mag" and "device_q", those that were recorded.
@@ -77,17 +81,33 @@ def identify_axes(
     if samples.device_q is not None:
         given = known & np.isfinite(samples.device_q[pick]).all(axis=1)
         if given.sum() >= 20:
-            found["device_q"] = _quaternion(samples.device_q[pick][given], q[given])
+            found["device_q"] = _quaternion(samples.device_q[pick][given], q[given], mounting_known)
     return found
 
 
-def findings_on(axes: dict[str, AxisFinding]) -> list[Finding]:
-    """What is wrong with a sensor's axes; none where nothing is."""
-    looked = [_odd(triad, own) for triad, own in axes.items()]
+def findings_on(axes: dict[str, AxisFinding], mounting_known: bool = True) -> list[Finding]:
+    """What is wrong with a sensor's axes; none where nothing is.
+
+    Args:
+        axes: As `identify_axes` found them.
+        mounting_known: Whether the sensor was put where it is believed to be, as in an arm's
+            protocol; else it may be turned in its body by any rotation.
+    """
+    most = MOST_CROOKED_DEG if mounting_known else MOST_CROOKED_UNKNOWN_DEG
+    looked = [_odd(triad, own, most) for triad, own in axes.items()]
     return [found for found in looked if found is not None]
 
 
 MOST_CROOKED_DEG = 30.0
+"""What is further from a map of axes is no exchange of them, where the mounting is known [deg]."""
+MOST_CROOKED_UNKNOWN_DEG = 10.0
+"""Likewise where it is not. Of mountings that may be any rotation, 0.65 % lie so near to one of the
+23 maps, (23 / pi) (a - sin a) for an angle a; of exchanged axes on a sensor that sits straight
+to 3 deg about each axis, 99 % do (chi-square of three).
+"""
+LEAST_RESPONSE = 0.4
+"""Least singular value of a response of size 1 whose hand is believed [1]."""
+FIELD_ROUNDS = 20
 GAINS = {
     "gyr": (180 / np.pi, "deg/s were taken for rad/s"),
     "acc": (1 / STANDARD_GRAVITY, "g were taken for m/s^2"),
@@ -104,25 +124,42 @@ def _is_sure(own: AxisFinding) -> bool:
     return own.axes == STRAIGHT and own.agreement is not None and own.agreement > SURE
 
 
-def _odd(triad: str, own: AxisFinding) -> Finding | None:
+def _odd(triad: str, own: AxisFinding, most_crooked_deg: float) -> Finding | None:
     name = WORDS[triad]
     if own.axes is None:
         return None
     if triad == "device_q":
         usual = own.axes == AS_DOCUMENTED
         return None if usual else finding("axes.quaternion", reading=own.axes)
+    straight = own.axes == STRAIGHT
+    near = own.crooked_deg is not None and own.crooked_deg < most_crooked_deg
     if triad == "mag":
-        return None if own.axes == STRAIGHT else _two_readings(own.axes, own.field_dip_deg)
+        return None if straight or not near else _two_readings(own.axes, own.field_dip_deg)
     within = 1 + (GYR_GAIN_WITHIN if triad == "gyr" and _is_sure(own) else GAIN_WITHIN)
-    if own.gain is not None and not 1 / within < own.gain < within:
+    if own.gain is not None and not 1 / within < _gain_without_noise(own, within) < within:
         factor, why = GAINS.get(triad, (0.0, ""))
         if factor and 0.8 < own.gain / factor < 1.25:
             return finding("axes.gain_of_unit", triad=name, gain=own.gain, cause=why)
         return finding("axes.gain", triad=name, gain=own.gain)
-    if own.axes != STRAIGHT and own.crooked_deg is not None and own.crooked_deg < MOST_CROOKED_DEG:
-        code = "axes.other" if own.right_handed else "axes.mirrored"
-        return finding(code, triad=name, axes=own.axes)
-    return None
+    if own.right_handed is False:  # no mounting does that
+        return finding("axes.mirrored", triad=name, axes=own.axes)
+    return finding("axes.other", triad=name, axes=own.axes) if near and not straight else None
+
+
+def _gain_without_noise(own: AxisFinding, within: float) -> float:
+    """The gain nearest to 1 that noise of the truth leaves possible [1].
+
+    Noise in what a regression goes by makes its slope smaller, by no more than the part of the
+    variance that is explained (Fuller, Measurement error models, 1987, section 1.1).
+
+    Args:
+        own: The triad.
+        within: Gains by which a part may be off.
+    """
+    gain = own.gain or 0.0
+    if gain >= 1 / within or own.agreement is None or not own.agreement > 0:
+        return gain
+    return min(gain / own.agreement, 1.0)
 
 
 STRAIGHT = "x: +x, y: +y, z: +z"
@@ -204,20 +241,32 @@ def _triad(read: np.ndarray, felt: np.ndarray, least: float) -> AxisFinding:
     left = x - y[:, columns] @ response.T
     agreement = float(1 - np.sum(left**2) / np.sum(x**2)) if np.any(x) else float("nan")
     full = np.zeros((3, 3))
-    full[:, columns] = response / gain
+    full[:, columns] = response / max(gain, 1e-30)
     if len(columns) == 2:  # the third by the right-hand rule
         third = ({0, 1, 2} - set(columns.tolist())).pop()
         full[:, third] = np.cross(full[:, (third + 1) % 3], full[:, (third + 2) % 3])
-    rows = np.arange(3)
-    places = max(permutations(range(3)), key=lambda order: np.abs(full[rows, order]).sum())
-    nearest = np.zeros((3, 3))
-    nearest[rows, places] = np.sign(full[rows, places])
-    crooked = rotation.angle(rotation.from_matrix(rotation.nearest_rotation(full @ nearest.T)))
+    elif np.linalg.svd(full, compute_uv=False)[-1] < LEAST_RESPONSE:  # flat: no hand
+        return AxisFinding(agreement=agreement, unseen=unseen)
+    nearest, crooked = _nearest_map(full)
     right = bool(np.linalg.det(nearest) > 0) if len(columns) == 3 else None
     # readings = nearest @ felt
-    return AxisFinding(
-        names_of(nearest.T), right, gain, float(np.degrees(crooked)), agreement, unseen
-    )
+    return AxisFinding(names_of(nearest.T), right, gain, crooked, agreement, unseen)
+
+
+def _nearest_map(response: np.ndarray) -> tuple[np.ndarray, float]:
+    """The signed permutation of the same hand that is nearest to a response, and how far [deg].
+
+    A mounting turns, and mirrors nothing: of the other hand, one that is nearer entry by entry is
+    none.
+
+    Args:
+        response: Shape (3, 3).
+    """
+    hand = np.sign(np.linalg.det(response))
+    maps = [own for own in MAPS if np.linalg.det(own) * hand > 0]
+    nearest = max(maps, key=lambda own: float(np.sum(own * response)))
+    turned = rotation.nearest_rotation(response @ nearest.T)
+    return nearest, float(np.degrees(rotation.angle(rotation.from_matrix(turned))))
 
 
 def _alone(spread: np.ndarray, j: int) -> float:
@@ -250,17 +299,45 @@ def _magnetometer(
     if next_best < LEAST_FIELD_MARGIN * max(best, 1e-3):
         return AxisFinding(agreement=float(1 - best), unseen=list(AXES))
     nearest = maps[order[0]]
-    field = np.einsum("kji,ij->k", mean, nearest)
+    field, crooked = _field_of_a_rotation(mean, nearest)
     down = float(field @ gravity / np.linalg.norm(field) / np.linalg.norm(gravity))
     dip = float(np.degrees(np.arcsin(np.clip(down, -1.0, 1.0))))
-    return AxisFinding(names_of(nearest.T), None, None, None, float(1 - best), [], dip)
+    return AxisFinding(names_of(nearest.T), None, None, crooked, float(1 - best), [], dip)
+
+
+def _field_of_a_rotation(mean: np.ndarray, nearest: np.ndarray) -> tuple[np.ndarray, float]:
+    """The field in the world by the rotation that makes it strongest, shape (3,), and how far that
+    is from a map [deg].
+
+    The strength of the mean is sum over k of (mean_kji P_ij)^2; the field for a rotation and the
+    rotation for a field (Kabsch 1976) are found by turns.
+
+    Args:
+        mean: World field of axis i of the readings as axis j of the sensor, shape (3, 3, 3).
+        nearest: Where to begin, shape (3, 3).
+    """
+    turned = nearest
+    for _ in range(FIELD_ROUNDS):
+        field = np.einsum("kji,ij->k", mean, turned)
+        turned = rotation.nearest_rotation(np.einsum("kji,k->ij", mean, field))
+    own = rotation.from_matrix(turned @ nearest.T)
+    return np.einsum("kji,ij->k", mean, turned), float(np.degrees(rotation.angle(own)))
 
 
 AS_DOCUMENTED = "w x y z, earth from sensor, z up"
 
 
-def _quaternion(q_given: np.ndarray, q_true: np.ndarray) -> AxisFinding:
-    """Which reading of a quaternion turns the vertical as the arm did."""
+def _quaternion(q_given: np.ndarray, q_true: np.ndarray, mounting_known: bool) -> AxisFinding:
+    """Which reading of a quaternion turns the vertical as the arm did.
+
+    In an unknown mounting both verticals are compared in the best rotation (Kabsch 1976), and
+    another reading is named only where it fits and the usual one does not.
+
+    Args:
+        q_given: By the device, as read, shape (n, 4).
+        q_true: The truth, shape (n, 4).
+        mounting_known: Whether the sensor sits as it is believed to.
+    """
     up = np.array([0.0, 0.0, 1.0])
     true = rotation.rotate(rotation.conjugate(q_true), up)
     if float(np.sqrt(np.mean(np.sum((true - true.mean(axis=0)) ** 2, axis=1)))) < LEAST_TILT:
@@ -274,11 +351,14 @@ def _quaternion(q_given: np.ndarray, q_true: np.ndarray) -> AxisFinding:
         ):
             vertical = rotation.rotate(rotation.conjugate(earth_from_sensor), up)
             for sense, sign in (("z up", 1.0), ("z down", -1.0)):
-                readings[f"{order}, {way}, {sense}"] = float(
-                    np.mean(np.sum(sign * vertical * true, axis=1))
-                )
+                profile = sign * true.T @ vertical / len(true)
+                turned = np.eye(3) if mounting_known else rotation.nearest_rotation(profile)
+                readings[f"{order}, {way}, {sense}"] = float(np.sum(turned * profile))
     best = max(readings, key=readings.__getitem__)
+    if not mounting_known and readings[AS_DOCUMENTED] > readings[best] - 0.05:
+        best = AS_DOCUMENTED
     rivals = [value for name, value in readings.items() if name != best]
-    if readings[best] < 0.9 or readings[best] - max(rivals) < 0.05:
+    unsure = readings[best] - max(rivals) < 0.05 and (mounting_known or best != AS_DOCUMENTED)
+    if readings[best] < 0.9 or unsure:
         return AxisFinding(agreement=readings[best])
     return AxisFinding(best, None, None, None, readings[best], [])

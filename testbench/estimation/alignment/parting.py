@@ -13,30 +13,38 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.estimation.alignment.axes import true_rates
+from testbench.estimation.alignment.slipped_mounting import (
+    LEAST,
+    LEAST_SIDE_S,
+    find_changed_map,
+)
+from testbench.estimation.signals.segmentation import detect_static, intervals_of
 from testbench.estimation.signals.truth_turning import Turning
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.statistics.intervals import median_interval
 from testbench.model.truth import truth_at
 from testbench.model.windows import moving_mean
-from testbench.records.findings.catalogue import finding
-from testbench.records.findings.finding import Finding
 from testbench.records.session.samples import ImuSamples, Truth
 
 OVER_S = 0.05
 """Rates are compared as means over so long [s]."""
 FEWEST = 100
 """Intervals that a fit of rates to rates needs: twelve numbers in each axis' equations."""
+MOST_TURN = np.radians(30.0)
+"""Over an interval in which a body turns further, a mean rate is no turn any more [rad]: what axes
+that change leave is of second order, 4 % of it.
+"""
 ROUNDS, KEPT = 3, 0.8
 """The fit is made so many times, again to the part of the intervals that fitted best [1]."""
 BLOCK_S = 2.0
 """The bias is told from sums over so long, in which what either is late by averages out [s]."""
 SPANS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 40.0)
-"""Over so long it is asked whether both part [s]."""
+"""Over so long it is asked whether both part, and over twice the last again and again, as far as a
+recording lasts [s].
+"""
 SETTLED_S = 1.0
 """What either is late by, or rings, has gone after so long [s]."""
-LEAST = np.radians(5.0)
-"""Both part who are so far from one another afterwards [rad]."""
 DRIFT = np.radians(0.1)
 """What a bias may wander by [rad/s]: a tenth of a degree per second is the g-sensitivity and the
 warming of a consumer part (TDK ICM-20948, DS-000189: 0.1 deg/s/g typical of its kind).
@@ -45,8 +53,36 @@ NONLINEAR = 0.003
 """Part of its path by which a gyroscope's turn is wrong beyond any linear map [1]: data sheets give
 0.1 to 0.2 % of full scale (TDK MPU-6050, PS-MPU-6000A-00, 6.1: 0.2 %).
 """
-USUAL = 3.0
-"""A change counts that is so many times the median one over the same span."""
+USUAL, QUIET = 3.0, 0.3
+"""A change counts that is so many times the median one over the shortest span, where errors walk at
+random: times the root of the span; and as many times that which so many over the same span stay
+below, so that a drift may last for half of a recording.
+"""
+USUAL_BIAS = np.radians(2.0)
+"""What a map of rates may leave of a bias [rad/s]."""
+EXPLAINED = 0.5
+"""A drift is parted from a bias where that leaves less than so much of the squares [1]: where a
+body hardly turns, both together explain any error.
+"""
+LONGEST_SLIP_S = 40.0
+"""A body slips within so long, or step by step [s]."""
+BESIDE_S = 10.0
+"""Both are looked at from so long before a stretch until as long after it [s]."""
+TOGETHER, LEAST_TOGETHER = 0.15, np.radians(1.5)
+"""They part, or meet, where they are so much of the whole parting from their mean, or so far [1,
+rad].
+"""
+FLAT = 0.3
+"""Of a steady drift, neighbouring quarters of what looks alike differ by half of what counts as
+that; where all do by this part of it, nothing is alike [1].
+"""
+AT_REST = np.radians(0.5)
+"""What a bias at rest differs by from that in motion [rad/s]."""
+FEWEST_RESTS, REST_S = 3, 1.0
+"""So many rests of so long tell what a gyroscope reads at rest [1, s]."""
+LEAST_PART_S = 20.0
+"""What is left beside a parting is asked again if it lasts longer [s]."""
+MOST_PARTINGS = 5
 
 
 @dataclass(frozen=True)
@@ -64,94 +100,273 @@ class Parting:
     end_ns: int
 
 
-def parting_finding(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> list[Finding]:
-    """The finding on where truth and gyroscope part most; empty where they do not.
+@dataclass(frozen=True)
+class _Intervals:
+    """Truth and gyroscope over intervals of one width.
+
+    Attributes:
+        time_ns: Middle of each on the host's clock, increasing, shape (n,) [ns].
+        rate: True mean rate in the body, shape (n, 3) [rad/s].
+        design: What the gyroscope reads on the mean, and 1, shape (n, 4) [rad/s].
+        q: The truth in the middle of each, shape (n, 4).
+        rows: Sample in the middle of each, shape (n,).
+        samples: Readings of all samples, and 1, shape (m, 4) [rad/s].
+        samples_ns: Their instants, shape (m,) [ns].
+        width: Of an interval [s].
+        rest: What it reads at rest, and 1, shape (4,) [rad/s]; NaN where it does not rest.
+        rest_sd: By how much that differs from rest to rest [rad/s].
+    """
+
+    time_ns: np.ndarray
+    rate: np.ndarray
+    design: np.ndarray
+    q: np.ndarray
+    rows: np.ndarray
+    samples: np.ndarray
+    samples_ns: np.ndarray
+    width: float
+    rest: np.ndarray
+    rest_sd: float
+
+    @staticmethod
+    def of(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> _Intervals | None:
+        """Those at which both are known; None where these are too few."""
+        known = np.isfinite(samples.gyr).all(axis=1)
+        if known.sum() < FEWEST:
+            return None
+        step = median_interval(time_ns) / NANOSECONDS
+        count = max(round(OVER_S / max(step, 1e-6)) // 2 * 2 + 1, 1)
+        gyr = np.where(known[:, None], samples.gyr, 0.0)
+        mean, whole = moving_mean(gyr, count), moving_mean(known, count) > 0.999
+        rows = np.arange(count // 2, len(gyr), count)
+        rate, sound = true_rates(replace(truth, rate=None), time_ns[rows], count * step)
+        q = truth_at(truth, time_ns[rows])
+        sound &= whole[rows] & np.isfinite(q[:, 0])
+        if sound.sum() < FEWEST:
+            return None
+        rows = rows[sound]
+        return _Intervals(
+            time_ns[rows],
+            rate[sound],
+            _with_one(mean[rows]),
+            q[sound],
+            rows,
+            _with_one(gyr),
+            time_ns,
+            count * step,
+            *_read_at_rest(samples.gyr, step),
+        )
+
+    def between(self, first: int, end: int) -> _Intervals:
+        """Those from one to another."""
+        part = slice(first, end)
+        return replace(
+            self,
+            time_ns=self.time_ns[part],
+            rate=self.rate[part],
+            design=self.design[part],
+            q=self.q[part],
+            rows=self.rows[part],
+        )
+
+    def apart(
+        self, fitted: np.ndarray, where: slice = slice(None)
+    ) -> tuple[np.ndarray, np.ndarray, bool]:
+        """How far both are from one another, by a map of the rates.
+
+        Args:
+            fitted: Makes true rates of readings and 1, shape (4, 3).
+            where: Intervals at which that holds, but for a bias.
+
+        Returns:
+            Sum of what turns the gyroscope's world to the truth's, shape (n, 3) [rad], and the path
+            that the gyroscope has turned, with what its sampling may be wrong by put to it, shape
+            (n,) [rad]; whether the world of the truth drifts throughout.
+        """
+        turned = Turning.of(self.samples @ fitted, self.samples_ns)
+        apart = rotation.multiply(self.q, rotation.conjugate(turned.q[self.rows]))
+        changes = rotation.multiply(apart[1:], rotation.conjugate(apart[:-1]))
+        changes = rotation.to_rotation_vector(changes)
+        changes[np.diff(self.time_ns) > 1.5 * self.width * NANOSECONDS] = 0.0
+        body = rotation.to_matrix(self.q[1:])
+        known = -self.rest @ fitted, max(self.rest_sd, AT_REST)
+        if not np.isfinite(self.rest).all():
+            known = np.zeros(3), USUAL_BIAS
+        bias, drifts = _bias(changes[where], body[where], self.width, known)
+        changes -= body @ bias * self.width
+        path = turned.slow_path[self.rows] + turned.coning[self.rows] / NONLINEAR
+        return np.concatenate([np.zeros((1, 3)), np.cumsum(changes, axis=0)]), path, drifts
+
+
+def _read_at_rest(gyr: np.ndarray, step: float) -> tuple[np.ndarray, float]:
+    """What a gyroscope reads at rest, and 1, shape (4,), and by how much that differs [rad/s].
 
     Args:
-        samples: Of the sensor, with mean rates.
-        time_ns: Instants that its rates are of, increasing, shape (n,) [ns].
-        truth: Without its steps.
+        gyr: Shape (n, 3) [rad/s].
+        step: Between samples [s].
     """
-    found = find_parting(samples, time_ns, truth)
-    if found is None:
-        return []
-    # told on the times of the samples as they were read, by which a person finds the stretch
-    ends = np.interp([found.begin_ns, found.end_ns], time_ns, samples.host_time_ns) / NANOSECONDS
-    angle_deg = float(np.degrees(found.angle))
-    return [
-        finding("truth.parts", angle_deg=angle_deg, begin_s=float(ends[0]), end_s=float(ends[1]))
-    ]
+    runs = intervals_of(detect_static(gyr, step), max(round(REST_S / step), 1))
+    read = np.array([gyr[begin:end].mean(axis=0) for begin, end in runs])
+    if len(read) < FEWEST_RESTS:
+        return np.full(4, np.nan), np.inf
+    usual = np.median(read, axis=0)
+    return np.append(usual, 1.0), float(np.median(rotation.lengths(read - usual)))
 
 
-def find_parting(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> Parting | None:
-    """Where truth and gyroscope part most, or None.
+def _with_one(gyr: np.ndarray) -> np.ndarray:
+    """Readings, and 1 for their bias, shape (n, 4)."""
+    return np.column_stack([gyr, np.ones(len(gyr))])
+
+
+def find_partings(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> list[Parting]:
+    """All stretches in which truth and gyroscope part, in the order of time.
 
     The truth's rate in the body is fitted by a linear map of what the gyroscope reads, which takes
     mounting, scale, cross-axis errors and bias; what that turns is held against the truth. Over
-    each span both must turn alike.
+    each span both must turn alike. Where two maps fit far better than one, the body slipped.
 
     Args:
         samples: Of the sensor, with mean rates.
         time_ns: Instants that its rates are of, increasing, shape (n,) [ns].
         truth: Without its steps.
     """
-    known = np.isfinite(samples.gyr).all(axis=1)
-    if known.sum() < FEWEST:
-        return None
-    step = median_interval(time_ns) / NANOSECONDS
-    count = max(round(OVER_S / max(step, 1e-6)) // 2 * 2 + 1, 1)
-    gyr = np.where(known[:, None], samples.gyr, 0.0)
-    mean, whole = moving_mean(gyr, count), moving_mean(known, count) > 0.999
-    rows = np.arange(count // 2, len(gyr), count)
-    rate, sound = true_rates(replace(truth, rate=None), time_ns[rows], count * step)
-    sound &= whole[rows]
-    if sound.sum() < FEWEST:
-        return None
-    fitted = _map(rate[sound], mean[rows[sound]])
-    turned = Turning.of(np.column_stack([gyr, np.ones(len(gyr))]) @ fitted, time_ns)
-    q = truth_at(truth, time_ns[rows])
-    both = sound & np.isfinite(q[:, 0])
-    rows, q = rows[both], q[both]
-    # what turns the gyroscope's world to the truth's, and how that turns from one to the next
-    apart = rotation.multiply(q, rotation.conjugate(turned.q[rows]))
-    changes = rotation.multiply(apart[1:], rotation.conjugate(apart[:-1]))
-    changes = rotation.to_rotation_vector(changes)
-    changes[np.diff(rows) > count] = 0.0
-    changes -= _by_bias(changes, rotation.to_matrix(q[1:]), count * step)
-    path = turned.slow_path[rows[1:]]
-    return _widest(np.cumsum(changes, axis=0), path, time_ns[rows[1:]], count * step)
+    whole = _Intervals.of(samples, time_ns, truth)
+    found: list[Parting] = []
+    waiting = [] if whole is None else [whole]
+    while waiting and len(found) < MOST_PARTINGS:
+        own = waiting.pop()
+        parting = _most(own)
+        if parting is None:
+            continue
+        found.append(parting)
+        first, end = np.searchsorted(own.time_ns, [parting.begin_ns, parting.end_ns + 1])
+        parts = own.between(0, int(first)), own.between(int(end), len(own.rows))
+        waiting += [part for part in parts if len(part.rows) * part.width > LEAST_PART_S]
+    return sorted(found, key=lambda own: own.begin_ns)
 
 
-def _by_bias(changes: np.ndarray, body: np.ndarray, width: float) -> np.ndarray:
-    """What of some changes a bias makes that the fit of rates left, shape (n, 3) [rad].
+def _most(both: _Intervals) -> Parting | None:
+    """The stretch in which both part most."""
+    if len(both.rows) < FEWEST:
+        return None
+    slow = rotation.lengths(both.rate) * both.width < MOST_TURN
+    if slow.sum() < FEWEST:
+        return None
+    fitted = _map(both.rate[slow], both.design[slow])
+    told = slow[:, None]
+    slip = find_changed_map(both.rate * told, both.design * told, fitted, both.width)
+    if slip is not None:
+        before = both.apart(slip.before, slice(slip.at))[0]
+        after = both.apart(slip.after, slice(slip.at, None))[0]
+        at, reach = int(both.time_ns[slip.at]), round(LONGEST_SLIP_S / 2 * NANOSECONDS)
+        return _between(both, (before, after), Parting(slip.angle, at - reach, at + reach))
+    apart, path, drifts = both.apart(fitted)
+    found = _widest(apart, path, both.time_ns, both.width, drifts)
+    return None if found is None else _between(both, (apart, apart), found)
+
+
+def _between(both: _Intervals, sides: tuple[np.ndarray, np.ndarray], about: Parting) -> Parting:
+    """The same parting from where both cease to turn alike to where they do so again.
+
+    Args:
+        both: Truth and gyroscope.
+        sides: How far they are from one another by what holds before it, and after it, shape (n, 3)
+            each [rad].
+        about: Where it lies, or more.
+    """
+    time, reach = both.time_ns, round(BESIDE_S * NANOSECONDS)
+    settled = max(round(SETTLED_S / both.width) // 2 * 2 + 1, 1)
+    most = max(TOGETHER * about.angle, LEAST_TOGETHER)
+    first = int(np.searchsorted(time, about.begin_ns - reach))
+    last = int(np.searchsorted(time, about.end_ns + reach, side="right"))
+    before, after = (moving_mean(own, settled, "held")[first:last] for own in sides)
+    begin, end = first + _alike(before, most), last - 1 - _alike(after[::-1], most)
+    begin, end = min(begin, end), max(begin, end)
+    # of an even parting, as much lies before and after as that it takes to be seen
+    unseen = round((end - begin) * TOGETHER / (1 - 2 * TOGETHER))
+    begin, end = max(begin - unseen, 0), min(end + unseen, len(time) - 1)
+    # nothing that lies beyond tells what was there
+    close = round(LEAST_SIDE_S / both.width)
+    begin, end = 0 if begin < close else begin, len(time) - 1 if end >= len(time) - close else end
+    return replace(about, begin_ns=int(time[begin]), end_ns=int(time[end]))
+
+
+def _alike(apart: np.ndarray, most: float) -> int:
+    """For how many intervals from the first on both stay together.
+
+    Args:
+        apart: How far they are from one another, shape (n, 3) [rad].
+        most: That counts as together [rad].
+    """
+    counts = np.arange(1, len(apart) + 1)[:, None]
+    mean = np.cumsum(apart, axis=0) / counts
+    far = rotation.lengths(apart - mean) > most
+    count = int(np.argmax(far)) if far.any() else len(apart) - 1
+    # what drifts from the first on leaves its mean by `most` after as much as twice that
+    means = np.array([own.mean(axis=0) for own in np.array_split(apart[: max(count, 4)], 4)])
+    along = (means[3] - means[0]) / max(float(np.linalg.norm(means[3] - means[0])), 1e-12)
+    return 0 if float((np.diff(means, axis=0) @ along).min()) > FLAT * most else count
+
+
+def _bias(
+    changes: np.ndarray, body: np.ndarray, width: float, known: tuple[np.ndarray, float]
+) -> tuple[np.ndarray, bool]:
+    """The bias that the fit of rates left, shape (3,) [rad/s], and whether the truth drifts.
 
     Args:
         changes: Of both worlds against one another, shape (n, 3) [rad].
         body: How the sensor's body lies in the world, shape (n, 3, 3).
         width: Of an interval [s].
+        known: What it is about, shape (3,), and to what standard deviation [rad/s].
     """
     block = max(round(BLOCK_S / width), 1)
     starts = np.arange(0, len(changes) - block + 1, block)
+    if not len(starts):
+        return np.zeros(3), False
     summed = np.add.reduceat(changes, starts, axis=0)
     turned = np.add.reduceat(body, starts, axis=0) * width
-    kept = np.ones(len(starts), dtype=bool)
-    bias: np.ndarray = np.zeros(3)
+    lasted = np.diff(np.append(starts, len(changes))) * width
+    alone, left = _trimmed(turned, summed, *known)
+    # beside the bias a drift of the truth's own world, which a person who turns tells from it
+    both = np.concatenate([turned, lasted[:, None, None] * np.eye(3)], axis=2)
+    about = np.append(known[0], np.zeros(3))
+    with_drift, less = _trimmed(both, summed, about, np.repeat([known[1], DRIFT], 3))
+    drifts = less < EXPLAINED * left
+    return (with_drift[:3] if drifts else alone), drifts
+
+
+def _trimmed(
+    design: np.ndarray, summed: np.ndarray, about: np.ndarray, sd: np.ndarray | float
+) -> tuple[np.ndarray, float]:
+    """What explains sums that are not all sound, and the usual square of what it leaves.
+
+    Args:
+        design: Shape (n, 3, k).
+        summed: Shape (n, 3).
+        about: What it is expected to be, shape (k,).
+        sd: Standard deviation of that, shape (k,) or one.
+    """
+    kept = np.ones(len(summed), dtype=bool)
+    found, width = about, design.shape[2]
     for _ in range(ROUNDS):
-        bias = np.linalg.lstsq(turned[kept].reshape(-1, 3), summed[kept].ravel(), rcond=1e-3)[0]
-        size = rotation.lengths(summed - turned @ bias)
+        size = rotation.lengths(summed - design @ found)
+        prior = max(float(np.median(size)), 1e-9) / np.sqrt(3) / sd * np.ones(width)
+        rows = np.concatenate([design[kept].reshape(-1, width), np.diag(prior)])
+        wanted = np.append(summed[kept].ravel(), prior * about)
+        found = np.linalg.lstsq(rows, wanted, rcond=None)[0]
+        size = rotation.lengths(summed - design @ found)
         kept = size <= np.quantile(size, KEPT)
-    return np.asarray(body @ bias * width)
+    return found, float(np.median(size) ** 2)
 
 
-def _map(rate: np.ndarray, read: np.ndarray) -> np.ndarray:
+def _map(rate: np.ndarray, design: np.ndarray) -> np.ndarray:
     """The linear map that makes true rates of readings and 1, shape (4, 3).
 
     Args:
         rate: In the body, shape (n, 3) [rad/s].
-        read: By the gyroscope, shape (n, 3) [rad/s].
+        design: What the gyroscope reads, and 1, shape (n, 4) [rad/s].
     """
-    design = np.column_stack([read, np.ones(len(read))])
-    kept = np.ones(len(read), dtype=bool)
+    kept = np.ones(len(design), dtype=bool)
     fitted: np.ndarray = np.zeros((4, 3))
     for _ in range(ROUNDS):
         fitted = np.linalg.lstsq(design[kept], rate[kept], rcond=1e-3)[0]
@@ -161,7 +376,7 @@ def _map(rate: np.ndarray, read: np.ndarray) -> np.ndarray:
 
 
 def _widest(
-    apart: np.ndarray, path: np.ndarray, time_ns: np.ndarray, width: float
+    apart: np.ndarray, path: np.ndarray, time_ns: np.ndarray, width: float, drifts: bool
 ) -> Parting | None:
     """The change that stands out most, over the shortest span that holds most of it.
 
@@ -170,19 +385,26 @@ def _widest(
         path: That the gyroscope has turned since the beginning, shape (n,) [rad].
         time_ns: Increasing, shape (n,) [ns].
         width: Of an interval [s].
+        drifts: Whether both part throughout, so that what is usual tells no error.
     """
     settled = max(round(SETTLED_S / width) // 2 * 2 + 1, 1)
     smooth = moving_mean(apart, settled, "held")
     best: Parting | None = None
-    for seconds in SPANS_S:
-        span = round(seconds / width) + settled
-        if span >= len(smooth) // 2:
+    usual, spans = 0.0, list(SPANS_S)
+    while spans[-1] < len(smooth) * width:
+        spans.append(2 * spans[-1])
+    for seconds in spans:
+        span = min(round(seconds / width) + settled, len(smooth) - 1)
+        if span < settled:
             break
         change = rotation.lengths(smooth[span:] - smooth[:-span])
         lasted = (time_ns[span:] - time_ns[:-span]) / NANOSECONDS
         change[lasted > 1.2 * span * width + 1.0] = 0.0  # a gap lies in between
         allowed = LEAST + DRIFT * seconds + NONLINEAR * (path[span:] - path[:-span])
-        allowed = np.maximum(allowed, USUAL * float(np.median(change)))
+        usual = usual or float(np.median(change))  # over the shortest span
+        walked = usual * np.sqrt(seconds / spans[0])
+        least = walked if drifts else max(walked, float(np.quantile(change, QUIET)))
+        allowed = np.maximum(allowed, USUAL * least)
         change[change < allowed] = 0.0
         at = int(np.argmax(change))
         if not change[at] > 0:

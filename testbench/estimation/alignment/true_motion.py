@@ -6,12 +6,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from testbench.estimation.alignment.parting import parting_finding
+from testbench.estimation.alignment.ambiguous_truth import find_ambiguous
+from testbench.estimation.alignment.parted_truth import cut_at, told_of
+from testbench.estimation.alignment.parting import find_partings
 from testbench.estimation.alignment.truth_reading import RateFit, fit_rates, misread
 from testbench.estimation.signals.access import SampleAccess
 from testbench.estimation.signals.common_motion import MOST_DRIFT
 from testbench.estimation.signals.time_alignment import fit_clock
-from testbench.estimation.signals.truth_faults import Apart, find_faults, without_repetitions
+from testbench.estimation.signals.truth_faults import (
+    AMBIGUOUS,
+    FROZEN,
+    PARTED,
+    STEPPED,
+    Apart,
+    find_faults,
+    without_repetitions,
+)
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.statistics.intervals import median_interval
@@ -44,8 +54,6 @@ UNEVEN = 0.05
 """A drift that no oscillator has, and that is less sure than this part of itself, is none: that of
 a rate which was stated wrongly is sure to 0.1 %, that fitted to a jump to 12 to 40 % [1].
 """
-FROZEN, STEPPED = "the truth stands still", "the truth has stepped"
-"""Why samples are left out whose truth was lost."""
 NOT_IN_THE_WAY = {"clock.shifted", "clock.unfitted", "clock.as_stated"}
 """Findings on a clock by which the truth can still be compared."""
 
@@ -162,15 +170,55 @@ def true_motion(
         findings.insert(0, told)
     if doubt is None and sound.clock.method == "none" and sound.truth is not None:
         findings += _late(access, sound.truth, described, sound.clock)
-    findings += _parting(access, read, replace(sound, unaligned=unaligned))
-    return replace(sound, findings=findings, unaligned=unaligned, fit=fit)
+    motion = replace(sound, findings=findings, unaligned=unaligned, fit=fit)
+    return _without_ambiguous(access, _cut_where_both_part(access, read, motion))
 
 
-def _parting(access: SampleAccess, read: np.ndarray, motion: TrueMotion) -> list[Finding]:
-    """Where truth and gyroscope part slowly, if they can be compared at all."""
+def _without_ambiguous(access: SampleAccess, motion: TrueMotion) -> TrueMotion:
+    """The same with samples lost at which a truth of too low a rate tells no turn.
+
+    Args:
+        access: To the samples of the sensor.
+        motion: Its clock and truth.
+    """
     if motion.unaligned or motion.truth is None or motion.clock.method == "arrival":
-        return []
-    return parting_finding(access.turned, read, motion.truth)
+        return motion
+    time = motion.clock.to_host(access.samples.device_time_ns)
+    found = find_ambiguous(access.turned, time, motion.truth)
+    if found is None:
+        return motion
+    lost, told = found
+    return replace(motion, lost=motion.lost | {AMBIGUOUS: lost}, findings=[*motion.findings, told])
+
+
+def _cut_where_both_part(access: SampleAccess, read: np.ndarray, motion: TrueMotion) -> TrueMotion:
+    """The same without stretches in which truth and gyroscope part slowly.
+
+    Args:
+        access: To the samples of the sensor.
+        read: Instants that its mean rates are of, shape (n,) [ns].
+        motion: Its clock and truth; as it is where they cannot be compared at all.
+    """
+    truth = motion.truth
+    if motion.unaligned or truth is None or motion.clock.method == "arrival":
+        return motion
+    partings = find_partings(access.turned, read, truth)
+    if not partings:
+        return motion
+    samples = access.samples
+    cut = cut_at(partings, truth, motion.clock.to_host(samples.device_time_ns))
+    lost = np.ones(len(samples), dtype=bool) if cut is None else cut[1]
+    told = told_of(partings, read, samples.host_time_ns, lost)
+    findings = [*motion.findings, told]
+    if cut is None:
+        return replace(motion, findings=findings, unaligned=told.code)
+    return replace(
+        motion,
+        truth=cut[0],
+        lost=motion.lost | {PARTED: lost},
+        findings=findings,
+        apart=[*motion.apart, *cut[2]],
+    )
 
 
 def _without_faults(

@@ -144,6 +144,7 @@ def confused(
     time_ns: np.ndarray,
     own: RateFit | None,
     others: Mapping[str, tuple[Truth, np.ndarray | None]],
+    least_across: float = LEAST_ACROSS,
 ) -> Finding | None:
     """Which other sensor's truth is that of a sensor; None where none is.
 
@@ -153,11 +154,12 @@ def confused(
         own: How well its own truth fits.
         others: Truths of other sensors, by name, each with the instants by a clock that was fitted
             to it, shape (n,) [ns], or None to take those above.
+        least_across: Part of the variance that must lie across the main axis [1].
     """
     explained = own.explained if own is not None else 0.0
     found: dict[str, RateFit] = {}
     for name, (truth, instants) in others.items():
-        fit = fit_rates(samples, time_ns if instants is None else instants, truth)
+        fit = fit_rates(samples, time_ns if instants is None else instants, truth, least_across)
         if fit is not None and _better(fit, RateFit(explained, 0.0, 0.0)):
             found[name] = fit
     if not found:

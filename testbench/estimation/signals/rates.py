@@ -10,6 +10,7 @@ import numpy as np
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.statistics.intervals import median_interval
+from testbench.model.windows import moving_mean
 from testbench.records.session.samples import ImuSamples, Truth
 
 WIDEST = 2.5
@@ -48,6 +49,23 @@ class RateMagnitude:
         """At most so many of its points, evenly spread."""
         step = -(-len(self.time) // most)
         return self if step <= 1 else replace(self, time=self.time[::step], rate=self.rate[::step])
+
+    def smoothed(self, span: float) -> RateMagnitude:
+        """Its means over a span, twice, where it has no gap.
+
+        Args:
+            span: Length of each of both windows [s].
+        """
+        usual = float(np.median(np.diff(self.time)))
+        count = round(span / usual) // 2 * 2 + 1
+        if count < 3 or len(self.time) <= 2 * count:
+            return self
+        rate = moving_mean(moving_mean(self.rate, count, "held"), count, "held")
+        reach = count - 1
+        whole = np.zeros(len(rate), dtype=bool)
+        lasted = self.time[2 * reach :] - self.time[: len(rate) - 2 * reach]
+        whole[reach : len(rate) - reach] = lasted <= 2 * reach * usual + self.gap
+        return replace(self, time=self.time[whole], rate=rate[whole])
 
     def known_at(self, time: np.ndarray) -> np.ndarray:
         """Whether times lie within the record and not in one of its gaps, shape (m,), bool.

@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import stdtrit
 
+from testbench.estimation.signals.clock_certainty import by_clusters, of_a_noisy_truth
 from testbench.estimation.signals.common_motion import (
     DECISIVE,
     CommonMotion,
@@ -38,14 +38,14 @@ SLOPE_OVER_S = 0.2
 """The slope of the truth's rate is that of its mean over so long [s]: of orientations with noise
 the rates are mostly noise, and their slope would pull the fit and promise too much.
 """
+SPANS_S = (0.1, 0.2, 0.4)
+"""Rates of orientations are compared as means over one of these, too [s]."""
+LEAST_SPANS = 20.0
+"""The truth must last for so many of them [1]."""
+SHORTER = 0.7
+"""What is left of a step where the last one led away [1]."""
 MOST_POINTS = 400_000
 """More rates than this are thinned out: hours of them say no more of two numbers."""
-CLUSTERS_S = (2.0, 4.0, 8.0, 16.0, 32.0)
-"""Residuals closer than this count as one when the uncertainty is stated: errors of a gyroscope
-last as long as a move, or longer. The least sure answer counts [s].
-"""
-FEWEST_CLUSTERS = 6
-"""Fewer do not tell how much they differ."""
 TWIN_RATES = 3.0
 """A truth that turns this many times faster than the sensor ever does has jumped there [1]."""
 LEAST_EXPLAINED = 0.36
@@ -274,9 +274,34 @@ def _coarse_lag(time: np.ndarray, rate: np.ndarray, true: RateMagnitude) -> floa
     return float(lags[np.argmax(correlation[lags])] * GRID_S)
 
 
-# One piece: what is fitted, and how sure that is, share residuals and derivatives.
 def _refine(
     measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float
+) -> ClockFit | None:
+    """The fit by rates as they are, or by means over the span that makes the times surest.
+
+    Rates of orientations hold their noise, the more the shorter the time between them. Means of
+    both over longer spans hold less of it, and less of a fast motion. A truth that gives rates is
+    taken as it is.
+    """
+    fastest = float(true.rate.max())
+    best = as_it_is = _fitted(measured, true, offset, drift, fastest)
+    if best is None or true.width == 0:
+        return best
+    for span in SPANS_S:
+        if span > (true.time[-1] - true.time[0]) / LEAST_SPANS:
+            break
+        offset, drift = best.offset_s, 1e-6 * best.drift_ppm
+        fit = _fitted(measured.smoothed(span), true.smoothed(span), offset, drift, fastest)
+        if fit is None or not fit.angle_error_deg < best.angle_error_deg:
+            break
+        best = fit
+    assert as_it_is is not None
+    return replace(best, residual_deg_s=as_it_is.residual_deg_s)
+
+
+# One piece: what is fitted, and how sure that is, share residuals and derivatives.
+def _fitted(
+    measured: RateMagnitude, true: RateMagnitude, offset: float, drift: float, fastest: float
 ) -> ClockFit | None:
     """Gauss-Newton on offset, drift and gain.
 
@@ -287,7 +312,8 @@ def _refine(
     middle = float(measured.time.mean())
     gain = _first_gain(measured, true, offset, drift)
     residual, jacobian, inside = np.zeros(1), np.eye(3), np.zeros(1, dtype=bool)
-    left = np.inf
+    expected = np.zeros(1)
+    left, length = np.inf, 1.0
     for _ in range(ITERATIONS):
         host = (measured.time - offset) / (1 + drift)
         inside = true.known_at(host)
@@ -301,9 +327,12 @@ def _refine(
         residual = measured.rate[inside] - gain * expected
         squares = float(residual @ residual) / len(residual)
         if squares > 1.01 * left:  # faster than the smoothed slope can follow
-            slope = gradient(true.rate, true.time)
+            if true.width == 0:
+                slope = gradient(true.rate, true.time)
+            else:  # of orientations that slope is mostly noise, and pulls the fit
+                length *= SHORTER
         left = min(left, squares)
-        step, *_ = np.linalg.lstsq(jacobian, -residual, rcond=None)
+        step = length * np.linalg.lstsq(jacobian, -residual, rcond=None)[0]
         drift += step[1]
         offset += step[0] - step[1] * (middle - offset) / (1 + drift)
         gain += step[2]
@@ -312,14 +341,12 @@ def _refine(
     if abs(drift) > MOST_DRIFT:
         return None
     variance = float(residual @ residual) / max(len(residual) - 3, 1)
-    rates = measured.rate[inside]
-    candidates = [variance * np.linalg.pinv(jacobian.T @ jacobian)]
-    for seconds in CLUSTERS_S:
-        cluster = np.floor(measured.time[inside] / seconds).astype(np.int64)
-        covariance, count = _jackknife_covariance(jacobian, residual, cluster)
-        if seconds == CLUSTERS_S[0] or count >= FEWEST_CLUSTERS:
-            # few clusters tell their own spread badly: Student's t in place of the normal
-            candidates.append(covariance * (stdtrit(max(count - 3, 2), 0.975) / 1.96) ** 2)
+    rates, time = measured.rate[inside], measured.time[inside]
+    if true.width == 0:
+        candidates = [variance * np.linalg.pinv(jacobian.T @ jacobian)]
+        candidates += by_clusters(jacobian, residual, time)
+    else:
+        candidates = [of_a_noisy_truth(jacobian, residual, time, expected)]
 
     def sd(direction: list[float], floor: float = 0.0) -> float:
         """The largest of all, and never less than the floor."""
@@ -334,7 +361,7 @@ def _refine(
         offset_sd_s=sd([1.0, -(middle - offset) / (1 + drift), 0.0], PART_ERROR_S),
         drift_sd_ppm=sd([0.0, 1.0, 0.0]) * 1e6,
         residual_deg_s=float(np.degrees(np.sqrt(variance))),
-        angle_error_deg=float(np.degrees(true.rate.max())) * sd([1.0, 0.0, 0.0], PART_ERROR_S),
+        angle_error_deg=float(np.degrees(fastest)) * sd([1.0, 0.0, 0.0], PART_ERROR_S),
         method="angular_rate",
         correlation=float(np.sqrt(max(1 - variance / max(float(np.var(rates)), 1e-30), 0.0))),
     )
@@ -358,34 +385,3 @@ def _first_gain(measured: RateMagnitude, true: RateMagnitude, offset: float, dri
     expected = np.interp(host[inside], true.time, true.rate)
     gain = float(expected @ measured.rate[inside]) / max(float(expected @ expected), 1e-30)
     return gain if gain > 0 else 1.0
-
-
-def _jackknife_covariance(
-    jacobian: np.ndarray, residual: np.ndarray, cluster: np.ndarray
-) -> tuple[np.ndarray, int]:
-    """Covariance of a least-squares fit by leaving out one cluster at a time, and how many clusters
-    told something.
-
-    Efron & Tibshirani 1993, chapter 11.
-
-    What remains after the fit is mostly the gyroscope's own errors, which last as long as a move
-    does; and moves may be few.
-
-    Args:
-        jacobian: Shape (n, k).
-        residual: Shape (n,).
-        cluster: Which cluster each row belongs to, shape (n,), increasing.
-    """
-    starts = np.flatnonzero(np.diff(cluster, prepend=cluster[0] - 1))
-    scores = np.add.reduceat(jacobian * residual[:, None], starts, axis=0)
-    informations = np.add.reduceat(jacobian[:, :, None] * jacobian[:, None, :], starts, axis=0)
-    sizes = np.trace(informations, axis1=1, axis2=2)
-    telling = sizes > 1e-6 * sizes.max()  # clusters at rest say nothing
-    if not telling.any():
-        return np.zeros((jacobian.shape[1],) * 2), 0
-    scores, informations = scores[telling], informations[telling]
-    without = jacobian.T @ jacobian - informations
-    steps = (np.linalg.pinv(without, rcond=1e-10) @ scores[:, :, None])[:, :, 0]
-    count = len(steps)
-    centred = steps - steps.mean(axis=0)
-    return np.asarray((count - 1) / max(count, 1) * centred.T @ centred), count

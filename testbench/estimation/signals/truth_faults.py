@@ -27,6 +27,10 @@ LEAST_FROZEN_S = 0.3
 """Shorter repetitions are those of a reference slower than its log [s]."""
 LEAST_TURN, LEAST_RATE = np.radians(4.0), np.radians(3.0)
 """What the gyroscope must turn while the truth stands still [rad], and how fast [rad/s]."""
+FROZEN, STEPPED = "the truth stands still", "the truth has stepped"
+PARTED = "truth and gyroscope have parted"
+AMBIGUOUS = "the truth turns too far between its orientations"
+"""Why samples are left out whose truth was lost."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +40,12 @@ class Apart:
     Attributes:
         truth: Of these pieces alone.
         rows: Samples well within them, shape (n,), bool.
+        reason: Why they were left out of the rest.
     """
 
     truth: Truth
     rows: np.ndarray
+    reason: str = STEPPED
 
 
 @dataclass(frozen=True)
@@ -100,8 +106,8 @@ def find_faults(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> Truth
         return TruthFaults(truth, truth, none, none)
     every = np.arange(len(truth.host_time_ns))
     return TruthFaults(
-        _only(truth, np.setdiff1d(every, known[lost])),
-        _only(truth, np.union1d(np.setdiff1d(every, known), turns)),
+        only_rows(truth, np.setdiff1d(every, known[lost])),
+        only_rows(truth, np.union1d(np.setdiff1d(every, known), turns)),
         _samples_of(time_ns, rows, halted),
         _samples_of(time_ns, rows, lost & ~halted),
         findings,
@@ -128,7 +134,7 @@ def _apart(
     return Apart(Truth(rows[own], q[own]), inner)
 
 
-def _only(truth: Truth, rows: np.ndarray) -> Truth:
+def only_rows(truth: Truth, rows: np.ndarray) -> Truth:
     """A truth of which some rows alone are known.
 
     Args:

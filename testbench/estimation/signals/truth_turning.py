@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from testbench.estimation.signals.rates import LOST_S
+from testbench.estimation.signals.rates import LOST_S, WIDEST
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.statistics.intervals import median_interval
@@ -34,23 +34,30 @@ class Turning:
         q: Orientation against that at the first sample, by the gyroscope alone, shape (n, 4).
         path: Angle passed through since then, shape (n,) [rad].
         slow_path: The same of what it turns for a while, noise left out, shape (n,) [rad].
+        coning: By how much axes that change between samples may have made it wrong since then,
+            shape (n,) [rad].
     """
 
     time_ns: np.ndarray
     q: np.ndarray
     path: np.ndarray
     slow_path: np.ndarray
+    coning: np.ndarray
 
     @staticmethod
     def of(rate: np.ndarray, time_ns: np.ndarray) -> Turning:
         """The integral of rates.
+
+        Turns about axes that change add a twelfth of the product of those that follow one another
+        (Savage, J. Guidance, Control, and Dynamics 21, 1998, eq. 33), of one sign or the other by
+        how a sensor samples.
 
         Args:
             rate: Without the reading at rest, shape (n, 3) [rad/s].
             time_ns: Of the samples, shape (n,) [ns].
         """
         seconds = np.diff(time_ns, prepend=time_ns[:1]) / NANOSECONDS
-        lost = seconds > LOST_S
+        lost = (seconds > LOST_S) | _turns_in_a_hole(rate, seconds)
         seconds = np.where(lost, 0.0, seconds)
         turns = rate * seconds[:, None]
         smooth = moving_mean(rate, max(round(SMOOTHED_S / max(float(np.median(seconds)), 1e-6)), 1))
@@ -59,6 +66,7 @@ class Turning:
             _chained(rotation.from_rotation_vector(turns)),
             np.cumsum(rotation.lengths(rate) * seconds + np.where(lost, ANY_TURN, 0.0)),
             np.cumsum(rotation.lengths(smooth) * seconds),
+            np.cumsum(np.append(0.0, rotation.lengths(np.cross(turns[:-1], turns[1:])) / 12)),
         )
 
     def at(self, time_ns: np.ndarray) -> np.ndarray:
@@ -77,6 +85,21 @@ class Turning:
             time_ns: Shape (m,) [ns].
         """
         return np.asarray(np.interp(time_ns, self.time_ns, self.path))
+
+
+def _turns_in_a_hole(rate: np.ndarray, seconds: np.ndarray) -> np.ndarray:
+    """Whether it turns too far between two samples for nobody to ask how, shape (n,), bool.
+
+    Readings that were clipped, or lost amid fast motion, tell no turn.
+
+    Args:
+        rate: Shape (n, 3) [rad/s].
+        seconds: Before each sample, shape (n,) [s].
+    """
+    speed = rotation.lengths(rate)
+    fastest = np.maximum(speed, np.append(speed[:1], speed[:-1]))
+    usual = float(np.median(seconds))
+    return np.asarray((seconds > WIDEST * usual) & (fastest * seconds > LEAST_STEP))
 
 
 @dataclass(frozen=True)

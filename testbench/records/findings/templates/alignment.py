@@ -179,13 +179,27 @@ TEMPLATES = {
         "lost or repeated, or a clock jumped; {lost_s:.1f} s of it that do not fit the rest were "
         "left out",
     ),
+    "truth.ambiguous": Template(
+        WARNING,
+        "the sensor turns by up to {turn_deg:.0f} deg between neighbouring orientations of the "
+        "truth at {rate_hz:.0f} Hz, {times} times and first at {at_s:.2f} s",
+        "from half a turn on nobody can tell which way it went: what lies between them is left out",
+        "record the truth at a higher rate, or turn more slowly",
+    ),
     "truth.parts": Template(
         WARNING,
-        "from {begin_s:.1f} s to {end_s:.1f} s truth and gyroscope part by {angle_deg:.0f} deg, "
-        "while they turn alike elsewhere",
+        "truth and gyroscope part slowly in {stretches} stretches, most from {begin_s:.1f} s to "
+        "{end_s:.1f} s by {angle_deg:.0f} deg, while they turn alike elsewhere",
         "a body slipped under its markers, the reference drifted, or the gyroscope was clipped or "
-        "disturbed: what is evaluated from there on holds it, and nobody knows of which",
-        "to evaluate both sides of it apart, cut the file there and import the parts one by one",
+        "disturbed, and nobody knows which; {lost_s:.1f} s of it that do not fit the rest were "
+        "left out",
+    ),
+    "truth.parts_throughout": Template(
+        WARNING,
+        "truth and gyroscope part slowly in {stretches} stretches, most from {begin_s:.1f} s to "
+        "{end_s:.1f} s by {angle_deg:.0f} deg, and turn alike for less than 10 s anywhere",
+        "the reference or the gyroscope drifts, and nobody knows which; none of {lost_s:.1f} s is "
+        "evaluated",
     ),
     "truth.aligned_apart": Template(
         WARNING,

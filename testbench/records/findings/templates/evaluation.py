@@ -34,6 +34,13 @@ TEMPLATES = {
         "uncertainty of every delay hold that",
         "state the delay with its low pass: `gyr_delay_ms` of a sensor in a mapping",
     ),
+    "judged.low_pass_unstated": Template(
+        NOTE,
+        "it is stated when its rates are sampled, and not the delay of a low pass before that",
+        "none is taken off; its clock, fitted to the rates, may be off by {half_ms:.3g} ms; every "
+        "U and the uncertainty of every delay hold that",
+        "state the delay of both together: `gyr_delay_ms` of a sensor in a mapping",
+    ),
     "judged.filter_left_out": Template(NOTE, "{filter} was left out: {why}"),
     "judged.samples_left_out": Template(WARNING, "{count} samples left out: {reason}"),
     "judged.after_gap": Template(
