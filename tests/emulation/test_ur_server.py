@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from testbench.clock import SystemClock, seconds
+from testbench.drivers.arms.rtde import RtdeStream
 from testbench.drivers.arms.ur_client import VARIABLES
 from testbench.emulation.server import CONTROL
 from testbench.emulation.ur.script import SET_WATCHDOG, ControlScript
@@ -106,11 +107,25 @@ def test_what_is_no_rtde_is_let_go_and_the_controller_goes_on(robot, bad):
     assert "RUNNING" in robot.control("status")
 
 
+class Reports(RtdeStream):
+    """Our own reports, of which the newest counts."""
+
+    def __init__(self, address: str, clock: SystemClock):
+        super().__init__(address, 500.0, VARIABLES, clock)
+        self.newest: dict = {}
+
+    def value(self, name: str):
+        self.newest = ([self.newest] + [report for _, report in self.take()])[-1]
+        return self.newest.get(name, [])
+
+    def disconnect(self) -> None:
+        self.close()
+
+
 @pytest.mark.parametrize("library", ["ur_rtde", "its stand-in"])
 def test_the_client_library_moves_servos_and_stops_as_its_stand_in_does(library, request):
     robot = request.getfixturevalue("real" if library == "ur_rtde" else "robot")
     import rtde_control
-    import rtde_receive
 
     clock = SystemClock()  # that of the lock step with the stand-in
 
@@ -122,30 +137,32 @@ def test_the_client_library_moves_servos_and_stops_as_its_stand_in_does(library,
 
     robot.control("clear")
     interface = rtde_control.RTDEControlInterface
-    receive = rtde_receive.RTDEReceiveInterface(robot.address, 500.0, VARIABLES, False, True)
-    flags = interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_UPPER_RANGE_REGISTERS
-    control = interface(robot.address, 500.0, flags)
+    receive = Reports(robot.address, clock)
+    flags = interface.FLAG_NO_WAIT | interface.FLAG_UPPER_RANGE_REGISTERS
+    control = interface(robot.address, 500.0, flags | interface.FLAG_NO_EXT_FT)
+    control.reuploadScript()
+    wait_for(control.isProgramRunning)
     try:
         assert control.isProgramRunning()
         assert control.setPayload(0.3, [0, 0, 0.02])
-        wait_for(receive.getActualQ)
-        target = [*receive.getActualQ()[:5], 0.4]
+        wait_for(lambda: receive.value("actual_q"))
+        target = [*receive.value("actual_q")[:5], 0.4]
         assert control.moveJ(target, 1.0, 2.0)
         near = np.radians(0.01)
-        wait_for(lambda: np.abs(np.array(receive.getActualQ()) - target).max() < near)
+        wait_for(lambda: np.abs(np.array(receive.value("actual_q")) - target).max() < near)
         for _ in range(100):
             assert control.servoJ([*target[:5], 0.45], 0, 0, 0.002, 0.05, 300)
             clock.sleep(0.002)
         assert control.servoStop(5.0)
-        assert abs(receive.getActualQ()[5] - 0.45) < 0.05
+        assert abs(receive.value("actual_q")[5] - 0.45) < 0.05
         assert control.moveJ([*target[:5], 0.1], 1.0, 2.0, True)  # does not wait
         assert control.kickWatchdog()
-        assert abs(receive.getActualQ()[5] - 0.1) > 0.1
+        assert abs(receive.value("actual_q")[5] - 0.1) > 0.1
         control.stopJ(4.0, True)
-        wait_for(lambda: np.abs(receive.getActualQd()).max() < np.radians(0.1))
+        wait_for(lambda: np.abs(receive.value("actual_qd")).max() < np.radians(0.1))
         assert control.isSteady() in {True, False}
         robot.control("fault protective_stop")
-        wait_for(lambda: receive.getSafetyStatusBits() & 1 << 2)
+        wait_for(lambda: receive.value("safety_status_bits") & 1 << 2)
         assert not control.moveJ(target, 1.0, 2.0)
         robot.control("clear")
         control.stopScript()

@@ -203,7 +203,7 @@ def test_includes_of_includes_are_followed(tmp_path):
         ),
         (
             "sweep: {elbow_joint: {trapezoid: {amplitude_deg: 1, rate_deg_s: 1e-5}}}",
-            "would last 200000 s, more than the 3600 s",
+            "would last 200000 s, more than the 86400 s",
         ),
         (
             "sweep: {elbow_joint: {trapezoid: {amplitude_deg: 1, rate_deg_s: 1e9}}}",

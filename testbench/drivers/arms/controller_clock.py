@@ -22,6 +22,10 @@ delayed.
 """
 ANSWER_NS = 30_000_000
 """Where answers come faster than this the packages themselves are not delayed by more."""
+SENT_NS = 500_000
+"""A controller is taken to send a report within this time of its stamp [ns]: an assumption; 0.2 ms
+were seen of the emulated one.
+"""
 WITNESSES = 10
 """So many packages of right now must say that the difference of the clocks has grown."""
 
@@ -107,10 +111,11 @@ class ControllerClock:
     def unsure_ns(self) -> float:
         """By how much host times of stamps may be off [ns].
 
-        The least delay of a package is between nothing and the fastest round trip. In every block
+        The least delay of a package is between nothing and the fastest round trip, beside what the
+        controller takes to send it. In every block
         it may be larger, by what the least delayed package of the block came later than mapped.
         """
-        return self.round_trip_ns + self._excess
+        return self.round_trip_ns + SENT_NS + self._excess
 
     def begin(self) -> None:
         """Samples are being recorded: let the mapping go on smoothly, unless it is proved wrong."""
