@@ -7,7 +7,7 @@
   `repeats`; `gait`: reckon a walk.
 - `show`: look at a recording; `exports`: write it for other programs.
 - `calibrate`, `noise`, `noise_preset`, `tune`, `parameter_space`: what sensors and filters are
-  found to be.
+  found to be; `design`: poses and turns that would tell it best.
 - `record`, `bring_in`: other ways to a recording; `body_request`: the joints asked for with it.
 
 Modules are imported one by one: who evaluates a session need not load what drives an arm.

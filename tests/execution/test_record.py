@@ -218,7 +218,7 @@ class Scripted(Imu):
         count = np.arange(0 if self.mute else 3) + 3 * self.reads
         n = len(count)
         q = np.tile([1.0, 0, 0, 0], (n, 1))
-        gyr, acc = np.zeros((n, 3)), np.tile([0, 0, 9.81], (n, 1))
+        gyr, acc = np.outer(count, [1e-3, 0, 0]), np.tile([0, 0, 9.81], (n, 1))
         return ImuSamples(count * 10**8, count * 10**8, gyr, acc, None, q, count, np.zeros(n, bool))
 
     def stop(self) -> None:

@@ -154,7 +154,7 @@ def test_an_unknown_date_is_said_and_chooses_between_no_calibrations(table, tmp_
     (remark,) = [
         str(found)
         for found in estimate(session, ["gyro"], [old]).sensors["left"].findings
-        if "stored calibration" in str(found)
+        if found.code == "calibration.stored_undated"
     ]
     assert "when the session was recorded, and how long from that, is unknown" in remark
     dated = import_recording(
@@ -163,6 +163,6 @@ def test_an_unknown_date_is_said_and_chooses_between_no_calibrations(table, tmp_
     (remark,) = [
         str(found)
         for found in estimate(dated, ["gyro"], [old, new]).sensors["left"].findings
-        if "stored calibration" in str(found)
+        if found.code == "calibration.stored"
     ]
     assert "session old of 2023-02-01" in remark

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import csv
 
-from testbench.exceptions import FileProblems, SessionError
+from testbench.exceptions import FileProblems, StorageError
 from testbench.formats.recording import ImportedSensor, Recording, write_recording
 from testbench.formats.tables import text_table
 from testbench.formats.tables.bytes_stream import LineStream
@@ -140,7 +140,7 @@ def test_an_import_that_is_cut_off_leaves_nothing(fault, tmp_path, clock):
     recording = Recording(
         "cut", "cut off", {"imu": ImportedSensor(Chunks(), 100.0, "")}, Analysis()
     )
-    expected = SessionError if isinstance(fault, OSError) else type(fault)
+    expected = StorageError if isinstance(fault, OSError) else type(fault)
     with pytest.raises(expected):
         write_recording(recording, [tmp_path / "a.csv"], "made up", tmp_path / "session", clock)
     assert not (tmp_path / "session").exists()

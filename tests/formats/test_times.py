@@ -169,7 +169,7 @@ def test_a_stated_rate_does_not_hide_holes_and_is_compared_with_the_stamps(board
     file, mapping = board(m, t)
     session = load("generic", file, mapping=mapping, rate=100.0)
     np.testing.assert_allclose(session.imu("imu").host_time_ns / 1e9, t, atol=1e-9)
-    assert codes(session) == ["time.by_rate", "time.holes_by_rate"]
+    assert codes(session) == ["time.gaps", "time.by_rate", "time.holes_by_rate"]
     session = load("generic", file, mapping=mapping, rate=50.0, units={"gyr": "rad/s"})
     time = session.imu("imu").host_time_ns / 1e9
     np.testing.assert_allclose(time, 2 * t, atol=1e-9)

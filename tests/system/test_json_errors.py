@@ -70,7 +70,11 @@ def test_problems_of_a_file_are_told_one_by_one_with_their_places(tmp_path, benc
 
 
 def test_what_works_is_still_one_object_on_stdout(tmp_path, bench):
-    assert bench("sessions", "--logs", tmp_path, "--json") == (0, '{"sessions": []}\n', "")
+    assert bench("sessions", "--logs", tmp_path, "--json") == (
+        0,
+        '{"sessions": [], "removed": []}\n',
+        "",
+    )
     code, out, err = bench("sessions", "--json", "--help")
     assert (code, err) == (0, "") and "Usage" in out
 

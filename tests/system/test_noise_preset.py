@@ -78,7 +78,7 @@ def test_what_was_measured_stands_in_the_file(measured):
     white = [np.sqrt(density["gyr", a] ** 2 - rounding**2) for a in "xyz"]
     assert sheet.gyroscope.noise_density_deg_s_sqrthz == pytest.approx(white, rel=1e-3)
     assert sheet.accelerometer.range_g == 8  # from the data sheet: a rest does not show it
-    assert f"Measured (sensor matrix of session {first.session.name}, " in sheet.source
+    assert f"Measured (simulated sensor matrix of session {first.session.name}, " in sheet.source
     assert "white noise of the gyroscope (x, y, z)" in sheet.source
 
 

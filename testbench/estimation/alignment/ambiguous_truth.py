@@ -10,6 +10,7 @@ import numpy as np
 
 from testbench.estimation.signals.truth_turning import ANY_TURN, Turning
 from testbench.frames import NANOSECONDS
+from testbench.model.statistics.intervals import median_interval
 from testbench.model.truth import WIDEST_GAP_NS
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
@@ -19,6 +20,9 @@ MOST_TURN = np.radians(150.0)
 """Between neighbours of a truth [rad]: half a turn, less what a gyroscope and its clock are off."""
 ENOUGH = 3
 """So many in a recording are worth saying; a clipped or disturbed reading is one."""
+
+HOLE = 2.5
+"""Readings farther apart than so many of their usual intervals have a hole between them."""
 
 
 def find_ambiguous(
@@ -38,6 +42,7 @@ def find_ambiguous(
     turned = np.diff(Turning.of(samples.gyr[read], time_ns[read]).path_at(rows))
     gaps = np.diff(rows)
     far = (turned > MOST_TURN) & (turned < ANY_TURN / 2) & (gaps <= WIDEST_GAP_NS)
+    far &= _read_throughout(time_ns[read], rows)
     if far.sum() < ENOUGH:
         return None
     after = np.searchsorted(rows, time_ns, side="right")
@@ -53,3 +58,22 @@ def find_ambiguous(
         at_s=float(rows[first]) / NANOSECONDS,
     )
     return lost, told
+
+
+def _read_throughout(time_ns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Between which neighbouring orientations the gyroscope was read all along: what it turned over
+    a hole nobody knows.
+
+    Args:
+        time_ns: Instants of its readings, increasing, shape (n,) [ns].
+        rows: Instants of the orientations, increasing, shape (m,) [ns].
+
+    Returns:
+        Shape (m - 1,), bool.
+    """
+    holes = np.flatnonzero(np.diff(time_ns) > HOLE * median_interval(time_ns))
+    begins, ends = time_ns[holes], time_ns[holes + 1]
+    # holes do not overlap: those that end after an interval begins, less those that begin after it
+    touching = np.searchsorted(begins, rows[1:], side="left")
+    touching -= np.searchsorted(ends, rows[:-1], side="right")
+    return touching <= 0

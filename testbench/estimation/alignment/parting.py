@@ -141,6 +141,9 @@ class _Intervals:
         rows = np.arange(count // 2, len(gyr), count)
         rate, sound = true_rates(replace(truth, rate=None), time_ns[rows], count * step)
         q = truth_at(truth, time_ns[rows])
+        half = count // 2
+        spans = time_ns[np.minimum(rows + half, len(gyr) - 1)] - time_ns[rows - half]
+        sound &= spans < (count + 0.5) * step * NANOSECONDS  # no hole without rows within
         sound &= whole[rows] & np.isfinite(q[:, 0])
         if sound.sum() < FEWEST:
             return None
