@@ -131,7 +131,8 @@ def test_a_limit_is_told_with_its_scope():
     [
         (0.0218, 0.2306, "0.02 deg, known to ± 0.23 deg"),
         (12.34, 15.2, "12 deg, known to ± 15 deg"),
-        (0.5, None, "0.500 deg, how well known is not known"),
+        (0.5, None, "0.50 deg, its uncertainty is not known"),
+        (112.69, None, "113 deg, its uncertainty is not known"),
         (None, 0.2, "not measured"),
     ],
 )

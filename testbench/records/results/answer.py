@@ -14,7 +14,7 @@ from statistics import fmean
 
 from testbench.records.results.evaluation import Evaluation, Metric, Outcome
 from testbench.records.results.evaluation_rows import RankRow
-from testbench.records.results.numbers import decimals_by, show_number
+from testbench.records.results.numbers import decimals_by
 
 TOTAL_ERROR = "RMS total error"
 """The criterion that counts all of a rotation's error: that of one angle may be small because two
@@ -84,10 +84,22 @@ def known_to(value: float | None, expanded: float | None, unit: str) -> str:
     """
     if value is None:
         return "not measured"
+    return f"{_rounded(value, expanded)} {unit}, {_sure(expanded, unit)}"
+
+
+def _rounded(value: float, expanded: float | None) -> str:
+    """A value to two digits of its uncertainty, or of itself where that is not known."""
     decimals = decimals_by(expanded)
-    if expanded is None or decimals is None:
-        return f"{show_number(value)} {unit}, how well known is not known"
-    return f"{value:.{decimals}f} {unit}, known to ± {expanded:.{decimals}f} {unit}"
+    if decimals is None:
+        decimals = decimals_by(abs(value)) or 0
+    return f"{value:.{decimals}f}"
+
+
+def _sure(expanded: float | None, unit: str) -> str:
+    """How well a value is known, in words."""
+    if decimals_by(expanded) is None or expanded is None:
+        return "its uncertainty is not known"
+    return f"known to ± {_rounded(expanded, expanded)} {unit}"
 
 
 def _limit(metric: Metric) -> str:
@@ -184,20 +196,11 @@ def _range(evaluation: Evaluation, owner: str, section: str | None, own: list[Me
     known = max((m.expanded_uncertainty or 0.0 for m in own), default=0.0) or None
     if len(own) == 1:
         return f"{_subject(best, best.filter)} {known_to(best.value, known, best.unit)}."
-    decimals = decimals_by(known)
-    low, high = (
-        show_number(metric.value or 0.0) if decimals is None else f"{metric.value:.{decimals}f}"
-        for metric in (best, worst)
-    )
-    sure = (
-        "how well known is not known"
-        if known is None or decimals is None
-        else f"known to ± {known:.{decimals}f} {best.unit}"
-    )
+    low, high = (_rounded(metric.value or 0.0, known) for metric in (best, worst))
     difference = _difference(evaluation, owner, section, [m.filter or "" for m in by_error])
     return (
         f"{_subject(best, None)} {low} {best.unit} ({best.filter}) to {high} {best.unit} "
-        f"({worst.filter}), {sure}; {difference}."
+        f"({worst.filter}), {_sure(known, best.unit)}; {difference}."
     )
 
 
@@ -243,17 +246,17 @@ def _chains(evaluation: Evaluation) -> list[str]:
         best, other = min(rms, key=rms.__getitem__), max(rms, key=rms.__getitem__)
         own = [row for row in rows if row.state == best]
         worst = max(own, key=lambda row: row.rmse_deg)
-        known = max((row.expanded_uncertainty_magnitude_deg or 0.0 for row in own), default=0.0)
+        known = (
+            max((row.expanded_uncertainty_magnitude_deg or 0.0 for row in own), default=0.0) or None
+        )
         of = "one joint angle" if len(own) == 1 else f"{len(own)} joint angles"
         said = f"Chain filter in {section} ({best} state): RMS error of {of} "
-        said += known_to(rms[best], known or None, "deg")
+        said += known_to(rms[best], known, "deg")
         if len(own) > 1:
-            said += f"; the worst is {worst.joint} with {show_number(worst.rmse_deg)} deg"
+            said += f"; the worst is {worst.joint} with {_rounded(worst.rmse_deg, known)} deg"
         if other != best:
-            said += (
-                f"; the {other} state has {show_number(rms[other])} deg, which was not tested "
-                "against it"
-            )
+            said += f"; the {other} state has {_rounded(rms[other], known)} deg, "
+            said += "which was not tested against it"
         told.append(f"{said}.")
     return told
 
