@@ -10,12 +10,14 @@ from testbench.evaluation.confidence import with_intervals
 from testbench.evaluation.dynamics import angle_delay, settling_sd
 from testbench.evaluation.flexion import JointErrors, Key
 from testbench.evaluation.metrics import correlation, summarise
-from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE, rank_filters
+from testbench.evaluation.ranking import rank_filters
 from testbench.frames import NANOSECONDS
 from testbench.model.statistics.intervals import median_interval
 from testbench.model.statistics.memory import Layout, error_series, layout
 from testbench.records.results.evaluation import JointRow
 from testbench.records.results.evaluation_rows import (
+    MEAN_MAGNITUDE,
+    MEAN_SQUARE,
     Comparison,
     ErrorSummary,
     JointSummary,

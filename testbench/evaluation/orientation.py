@@ -22,7 +22,7 @@ from testbench.evaluation.metrics import (
     summarise,
     unwrapped_pair,
 )
-from testbench.evaluation.ranking import MEAN_SQUARE, rank_filters
+from testbench.evaluation.ranking import rank_filters
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
 from testbench.model.frame_fit import moved_to_frames
@@ -31,6 +31,7 @@ from testbench.model.truth import truth_at
 from testbench.records.results.estimate import FrameFit, SensorEstimate
 from testbench.records.results.evaluation import OrientationRow
 from testbench.records.results.evaluation_rows import (
+    MEAN_SQUARE,
     Comparison,
     ErrorSummary,
     OrientationSummary,

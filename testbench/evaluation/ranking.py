@@ -15,10 +15,14 @@ from testbench.model.statistics.memory import (
     fewest_memories,
     means,
 )
-from testbench.records.results.evaluation_rows import Comparison, RankRow
+from testbench.records.results.evaluation_rows import (
+    MEAN_MAGNITUDE,
+    MEAN_SQUARE,
+    Comparison,
+    RankRow,
+)
 
 SIGNIFICANCE = 0.05
-MEAN_MAGNITUDE, MEAN_SQUARE = "mean |flexion error|", "RMS total error"
 LEAST_RELEVANT = 0.01
 """A difference is shown only where it exceeds this, the last digit that the tables give [deg]."""
 

@@ -13,17 +13,13 @@ from itertools import combinations
 import numpy as np
 from scipy.special import stdtrit
 
-from testbench.evaluation.ranking import (
-    LEAST_RELEVANT,
-    MEAN_MAGNITUDE,
-    MEAN_SQUARE,
-    Difference,
-    ranked,
-)
+from testbench.evaluation.ranking import LEAST_RELEVANT, Difference, ranked
 from testbench.evaluation.repeatability import key_of
 from testbench.evaluation.verdict import has_sign
 from testbench.records.results.evaluation import Evaluation, Metric
 from testbench.records.results.evaluation_rows import (
+    MEAN_MAGNITUDE,
+    MEAN_SQUARE,
     RANKED_METRICS,
     Comparison,
     Interval,

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE, SIGNIFICANCE, rank_filters
+from testbench.evaluation.ranking import SIGNIFICANCE, rank_filters
 from testbench.model.statistics.memory import Intervals, Layout, error_series, intervals, layout
+from testbench.records.results.evaluation_rows import MEAN_MAGNITUDE, MEAN_SQUARE
 
 RATE = 20.0
 """Samples a second."""

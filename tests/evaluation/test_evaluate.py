@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from testbench.evaluation import evaluate, joint_summary, ranking
 from testbench.evaluation.judged import SETTLING_NS, window
-from testbench.evaluation.ranking import MEAN_MAGNITUDE, MEAN_SQUARE
 from testbench.exceptions import SessionError
 from testbench.model import rotation
 from testbench.records.results.estimate import CalibrationFit, Estimate, JointEstimate
 from testbench.records.results.evaluation import Evaluation, Outcome
+from testbench.records.results.evaluation_rows import MEAN_MAGNITUDE, MEAN_SQUARE
 from testbench.records.session.plan import PlannedStep, judged_steps
 
 JOINT_KEYS = {

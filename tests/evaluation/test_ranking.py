@@ -8,14 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from testbench.evaluation.ranking import (
-    MEAN_MAGNITUDE,
-    MEAN_SQUARE,
-    group_letters,
-    holm,
-    rank_filters,
-)
+from testbench.evaluation.ranking import group_letters, holm, rank_filters
 from testbench.model.statistics.memory import ErrorSeries, error_series, layout
+from testbench.records.results.evaluation_rows import MEAN_MAGNITUDE, MEAN_SQUARE
 
 RATE = 20.0
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from testbench.records.results.answer import TOTAL_ERROR, answers, known_to, listed
+from testbench.records.results.answer import answers, known_to, listed
 from testbench.records.results.evaluation import (
     Evaluation,
     JointRow,
@@ -14,7 +14,7 @@ from testbench.records.results.evaluation import (
     OrientationRow,
     Outcome,
 )
-from testbench.records.results.evaluation_rows import RankRow
+from testbench.records.results.evaluation_rows import MEAN_SQUARE, RankRow
 
 FLEXION = {"vqf_6d": 4.99, "gyro": 5.0, "vqf_9d": 3.21}
 TOTAL = {"vqf_6d": 5.0, "gyro": 5.02, "vqf_9d": 24.0}
@@ -44,7 +44,7 @@ def judged(
         for name, value in FLEXION.items()
     ]
     ranks = [
-        RankRow(*place, None, TOTAL_ERROR, name, value, 1, 3, "a", alike.get(name, []))
+        RankRow(*place, None, MEAN_SQUARE, name, value, 1, 3, "a", alike.get(name, []))
         for place in (("knee", "sweep"), ("shank", None))
         for name, value in total.items()
         if name not in left_out

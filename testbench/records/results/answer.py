@@ -8,18 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from math import sqrt
 from statistics import fmean
 
 from testbench.records.results.evaluation import Evaluation, Metric, Outcome
-from testbench.records.results.evaluation_rows import RankRow
+from testbench.records.results.evaluation_rows import MEAN_SQUARE, RankRow
 from testbench.records.results.numbers import decimals_by
 
-TOTAL_ERROR = "RMS total error"
-"""The criterion that counts all of a rotation's error: that of one angle may be small because two
-errors cancel in it.
-"""
 HEADLINE = "flexion_mean_abs_error_deg"
 """The metric of a joint's section that is told where no limit is stated."""
 UNSEEN_DEG, UNSEEN_SHARE = 5.0, 0.2
@@ -152,7 +147,6 @@ def _scope(evaluation: Evaluation, limited: Sequence[Metric]) -> str:
 
 def _unlimited(evaluation: Evaluation, limited: Sequence[Metric]) -> list[str]:
     """The errors of each joint's section, and of each sensor where there is no joint."""
-    told = []
     own_sequence = {row.joint: row.sequence for row in reversed(evaluation.joint_angle)}
     done = {(metric.name, metric.section) for metric in limited}
     metrics = [
@@ -165,9 +159,13 @@ def _unlimited(evaluation: Evaluation, limited: Sequence[Metric]) -> list[str]:
     owners = list(dict.fromkeys(metric.name.rpartition(".")[0] for metric in metrics))
     if not own_sequence and len(owners) > MOST_SENSORS:
         return [_of_sensors(metrics, len(owners))]
-    for (name, section), group in groupby(metrics, key=lambda own: (own.name, own.section)):
-        told.append(_range(evaluation, name.rpartition(".")[0], section, list(group)))
-    return told
+    groups: dict[tuple[str, str | None], list[Metric]] = {}
+    for metric in metrics:
+        groups.setdefault((metric.name, metric.section), []).append(metric)
+    return [
+        _range(evaluation, name.rpartition(".")[0], section, own)
+        for (name, section), own in groups.items()
+    ]
 
 
 def _of_sensors(metrics: Sequence[Metric], sensors: int) -> str:
@@ -212,7 +210,7 @@ def _difference(
         row
         for row in evaluation.ranking
         if (row.owner, row.section, row.sequence, row.criterion)
-        == (owner, section, None, TOTAL_ERROR)
+        == (owner, section, None, MEAN_SQUARE)
         and row.filter in filters
     ]
     if len(ranked) < 2:
@@ -223,11 +221,11 @@ def _difference(
     ]
     best = listed(row.filter for row in alike)
     if len(alike) == 1:
-        said = f"by all of the error ({TOTAL_ERROR}) {best} is best"
+        said = f"by all of the error ({MEAN_SQUARE}) {best} is best"
     elif len(alike) == len(ranked):
-        said = f"by all of the error ({TOTAL_ERROR}) no difference was shown between {best}"
+        said = f"by all of the error ({MEAN_SQUARE}) no difference was shown between {best}"
     else:
-        said = f"by all of the error ({TOTAL_ERROR}) {best} are best, and not told apart"
+        said = f"by all of the error ({MEAN_SQUARE}) {best} are best, and not told apart"
     left_out = [name for name in filters if name not in {row.filter for row in ranked}]
     return said + (f"; not ranked: {listed(left_out)}" if left_out else "")
 
@@ -272,7 +270,7 @@ def _unseen(evaluation: Evaluation) -> list[str]:
                 flexion[row.filter] = max(flexion.get(row.filter, 0.0), row.flexion_rmse_deg)
         total: dict[str, float] = {}
         for ranked in evaluation.ranking:
-            if (ranked.owner, ranked.sequence, ranked.criterion) == (joint, None, TOTAL_ERROR):
+            if (ranked.owner, ranked.sequence, ranked.criterion) == (joint, None, MEAN_SQUARE):
                 total[ranked.filter] = max(total.get(ranked.filter, 0.0), ranked.value)
         hidden = [
             name

@@ -244,6 +244,10 @@ class RankRow:
     no_difference: list[str] = field(default_factory=list)
 
 
+MEAN_MAGNITUDE, MEAN_SQUARE = "mean |flexion error|", "RMS total error"
+"""What filters are ranked by: one angle, whose error may be small because two errors cancel in it,
+and all of a rotation's error.
+"""
 RANKED_METRICS = ("flexion_mean_abs_error_deg", "total_rmse_deg")
 """Metrics that filters are compared by, of a joint and of a sensor."""
 
