@@ -18,7 +18,7 @@ from tests.benchmarks.long_recordings import (
 )
 
 RATE, KEPT = 1000.0, 50_000
-SHORT_S, LONG_S = 200.0, 1000.0
+SHORT_S, LONG_S = 200.0, 600.0
 RAW_BYTES = 48
 """Of a sample: rate and force in float64. A stage that held no more than these would grow by as
 much; with times, orientations and errors it would be over 150.

@@ -17,7 +17,7 @@ from testbench.records.specs.anatomy import JointKind
 from testbench.records.specs.joint_definition import JointRotation
 from testbench.records.specs.protocol import BodyJoint
 
-FACING_FROM_SEGMENT = rotation.from_rotation_vector(np.array([np.pi / 2, 0.0, 0.0]))
+FACING_FROM_SEGMENT = np.array([np.cos(np.pi / 4), np.sin(np.pi / 4), 0.0, 0.0])
 """Segment axes as the ISB has them (x forward, y up, z right), seen in x forward, y left, z up."""
 UP, RIGHT = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 """In a segment."""

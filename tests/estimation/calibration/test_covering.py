@@ -11,7 +11,7 @@ from tests.estimation.calibration.covering import TRIALS, as_often_as_stated, ch
 pytestmark = pytest.mark.slow
 
 COUNT = 400
-FEWER = {"gyroscope": 120, "norm_only": 200, "ellipsoid": 200, "ellipsoid_dip": 200}
+FEWER = {"gyroscope": 60, "norm_only": 120, "ellipsoid": 120, "ellipsoid_dip": 120}
 """Of what takes milliseconds, by a word of the name."""
 
 

@@ -55,7 +55,7 @@ TEMPLATES = {
     ),
     "samples.resampled": Template(
         NOTE,
-        "of its {quantity} but one in {rows:.3g} samples lies off straight lines between others",
+        "its {quantity} bends once in {rows:.3g} samples and runs in straight lines in between",
         "it was recorded at that lower rate, and interpolated to this one: what lies between is no "
         "measurement, and its noise is not the sensor's",
         "export it at the rate that it was recorded at",
