@@ -35,10 +35,15 @@ def by_clusters(
         time: Increasing, shape (n,) [s].
         few: Whether to widen each by what few clusters do not tell of their own spread.
     """
+    shortest = np.floor(time / CLUSTERS_S[0]).astype(np.int64)
+    begins, sums = _cluster_sums(jacobian, residual, shortest)
+    whole, number = jacobian.T @ jacobian, shortest[begins]
     found = []
     for seconds in CLUSTERS_S:
-        cluster = np.floor(time / seconds).astype(np.int64)
-        covariance, count = _jackknife_covariance(jacobian, residual, cluster)
+        # a longer one is made of shorter ones
+        starts = _starts(number // round(seconds / CLUSTERS_S[0]))
+        together = [np.add.reduceat(values, starts, axis=0) for values in sums]
+        covariance, count = _jackknife_covariance(whole, *together)
         if seconds == CLUSTERS_S[0] or count >= FEWEST_CLUSTERS:
             # few clusters tell their own spread badly: Student's t in place of the normal
             wider = stdtrit(max(count - 3, 2), 0.975) / 1.96 if few else 1.0
@@ -107,8 +112,25 @@ def _by_memory(jacobian: np.ndarray, residual: np.ndarray, time: np.ndarray) -> 
     return np.asarray(inverse @ (jacobian.T @ blurred) @ inverse)
 
 
-def _jackknife_covariance(
+def _starts(cluster: np.ndarray) -> np.ndarray:
+    """First row of each cluster, of increasing numbers, shape (m,)."""
+    return np.flatnonzero(np.diff(cluster, prepend=cluster[0] - 1))
+
+
+def _cluster_sums(
     jacobian: np.ndarray, residual: np.ndarray, cluster: np.ndarray
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    """First row of each cluster, and the sums over each of J'r and of J'J, shapes (m, k) and
+    (m, k, k).
+    """
+    starts = _starts(cluster)
+    scores = np.add.reduceat(jacobian * residual[:, None], starts, axis=0)
+    informations = np.add.reduceat(jacobian[:, :, None] * jacobian[:, None, :], starts, axis=0)
+    return starts, (scores, informations)
+
+
+def _jackknife_covariance(
+    whole: np.ndarray, scores: np.ndarray, informations: np.ndarray
 ) -> tuple[np.ndarray, int]:
     """Covariance of a least-squares fit by leaving out one cluster at a time, and how many clusters
     told something.
@@ -119,19 +141,16 @@ def _jackknife_covariance(
     does; and moves may be few.
 
     Args:
-        jacobian: Shape (n, k).
-        residual: Shape (n,).
-        cluster: Which cluster each row belongs to, shape (n,), increasing.
+        whole: J'J of all, shape (k, k).
+        scores: J'r of each cluster, shape (m, k).
+        informations: J'J of each, shape (m, k, k).
     """
-    starts = np.flatnonzero(np.diff(cluster, prepend=cluster[0] - 1))
-    scores = np.add.reduceat(jacobian * residual[:, None], starts, axis=0)
-    informations = np.add.reduceat(jacobian[:, :, None] * jacobian[:, None, :], starts, axis=0)
     sizes = np.trace(informations, axis1=1, axis2=2)
     telling = sizes > 1e-6 * sizes.max()  # clusters at rest say nothing
     if not telling.any():
-        return np.zeros((jacobian.shape[1],) * 2), 0
+        return np.zeros_like(whole), 0
     scores, informations = scores[telling], informations[telling]
-    without = jacobian.T @ jacobian - informations
+    without = whole - informations
     steps = (np.linalg.pinv(without, rcond=1e-10) @ scores[:, :, None])[:, :, 0]
     count = len(steps)
     centred = steps - steps.mean(axis=0)
