@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -125,14 +125,22 @@ def emulated_xarm(*options: str) -> Iterator[Emulated]:
         yield Emulated(address, process)
 
 
-def drive(plan: Plan, address: str, logs: Path, **options: Any) -> Session:
-    """Run a plan through the real client library, with simulated sensors and patience."""
-    time_ = SessionTime(SystemClock())
+def drive(
+    plan: Plan,
+    address: str,
+    logs: Path,
+    patience: Mapping[str, float] | None = None,
+    **options: Any,
+) -> Session:
+    """Run a plan through the real client library, with simulated sensors and patience, but for what
+    is given of it.
+    """
+    time_, patient = SessionTime(SystemClock()), PATIENT | dict(patience or {})
     if plan.robot.name == "xarm6":
         slow = xarm_settings(plan, f"{address}:{COMMAND_PORT}")
-        arm: RemoteArm = XArm(plan.robot, replace(slow, answer=1.5, **PATIENT), time_)
+        arm: RemoteArm = XArm(plan.robot, replace(slow, answer=1.5, **patient), time_)
     else:
-        arm = UrArm(plan.robot, replace(ur_settings(plan, address), watchdog=3, **PATIENT), time_)
+        arm = UrArm(plan.robot, replace(ur_settings(plan, address), watchdog=3, **patient), time_)
     return execute_on_arm(plan, arm, Sensors.simulated(plan, 1), RunOptions(logs, 1, **options))
 
 

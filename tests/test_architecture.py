@@ -325,6 +325,8 @@ def test_the_search_for_clocks_and_random_state_finds_them(
 SLEEPERS = {
     "drivers/fake_dots.py": "the loop of asyncio that a Bluetooth library runs on",
     "drivers/test_serial_line.py": "a pseudo-terminal",
+    "drivers/pty_board.py": "a pseudo-terminal",
+    "execution/test_faulty_boards.py": "a pseudo-terminal",
     "execution/test_record.py": "a pseudo-terminal",
     "benchmarks/networks.py": "makers' client libraries",
     "drivers/test_receiver.py": "packets of the machine's own network",

@@ -29,7 +29,7 @@ class FaultKind:
     """
 
     meaning: str
-    value: Literal["seconds", "share", "step"] | None = None
+    value: Literal["seconds", "share", "step", "mass"] | None = None
 
     def check(self, name: str, value: float | None) -> None:
         """Refuse a value that this fault cannot have; without one it has its usual size.
@@ -47,6 +47,8 @@ class FaultKind:
             raise InputError(
                 f"the value of {name} must be a number of seconds, 0 or more, not {value:g}"
             )
+        if self.value == "mass" and not 0 <= value < math.inf:
+            raise InputError(f"the value of {name} must be a mass in kg, 0 or more, not {value:g}")
         if self.value == "step" and not abs(value) <= MOST_STEP_S:
             raise InputError(
                 f"the value of {name} must be a number of seconds from -{MOST_STEP_S:g} to "
@@ -63,12 +65,13 @@ class Faults:
     report_silent: bool = False
     response_delay_s: float = 0.0
     disconnected_until: float = 0.0
+    payload_kg: float | None = None
 
     def strike(self, name: str, value: float | None, now: float) -> bool:
         """Let a disturbance begin.
 
         Args:
-            name: disconnect, delay, loss or silence (of reports), slow_response.
+            name: disconnect, delay, loss or silence (of reports), slow_response, payload.
             value: Its size; a usual one if None.
             now: The controller's time [s].
 
@@ -85,6 +88,8 @@ class Faults:
             self.report_silent = True
         elif name == "slow_response":
             self.response_delay_s = 1.0 if value is None else value
+        elif name == "payload":
+            self.payload_kg = 1.0 if value is None else value
         else:
             return False
         return True

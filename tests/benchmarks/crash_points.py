@@ -13,9 +13,8 @@ import os
 import random
 import shutil
 import sys
-import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +28,7 @@ from testbench.execution import RunOptions
 from testbench.pipeline.analyse import analyse
 from testbench.records.results.evaluation import Evaluation
 from tests.asking import analysis
+from tests.benchmarks.points import Found, by, failed, tell_failures, walk
 from tests.benchmarks.resuming import count_of, resumed
 from tests.benchmarks.timing import Text, show
 from tests.conftest import TINY, FakeClock
@@ -86,27 +86,13 @@ class Stage:
 
 def bench_crash_points(count: int = COUNT) -> bool:
     """Print the figures; whether nothing half was believed."""
-    found = resumed("crash_points", count, _trials)
-    rows: list[list[str | Text]] = []
-    for name in dict.fromkeys(one["stage"] for one in found):
-        own = [one for one in found if one["stage"] == name]
-        failed = sum(one["failure"] != "" for one in own)
-        rows.append([Text(name), str(own[0]["of"]), str(len(own)), str(failed)])
+    found = resumed("crash_points", count, walk(Crashes))
+    rows: list[list[str | Text]] = [
+        [Text(name), str(own[0]["of"]), str(len(own)), str(failed(own))]
+        for name, own in by(found, "stage").items()
+    ]
     show("Commands that died at an operation on files", ["", "points", "tried", "failed"], rows)
-    failures = [one for one in found if one["failure"]]
-    print(f"{len(found)} points tried, {len(failures)} failed")
-    for one in failures[:40]:
-        print(f"  {one['stage']}, point {one['point']} of {one['of']}: {one['failure']}")
-    return not failures
-
-
-def _trials(numbers: range) -> Iterator[dict[str, Any]]:
-    with tempfile.TemporaryDirectory() as name:
-        crashes = Crashes(Path(name))
-        for number in numbers:
-            if number >= len(crashes.points):
-                return
-            yield crashes.trial(*crashes.points[number])
+    return tell_failures(found, "{stage}, point {point} of {of}")
 
 
 @dataclass
@@ -126,7 +112,7 @@ class Crashes:
     folder: Path
     only: tuple[str, ...] = ()
     counts: dict[str, int] = field(default_factory=dict)
-    points: list[tuple[str, int]] = field(default_factory=list)
+    points: list[tuple[Any, ...]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.start = start_in(self.folder)
@@ -174,7 +160,7 @@ class Crashes:
             stages[f"export {kind}"] = Stage(words, after)
         return stages
 
-    def trial(self, name: str, point: int) -> dict[str, Any]:
+    def trial(self, name: str, point: int) -> Found:
         """Let a command die at its n-th operation on files; what is wrong with what follows."""
         folder, stage = self._copy("case"), self.stages[name]
         ended = called(folder, *stage.words, point=point)

@@ -27,6 +27,7 @@ from testbench.execution import RunOptions
 from testbench.records.session.session_writer import file_hashes
 from tests.benchmarks.commands import run_command
 from tests.benchmarks.crash_points import write_recording
+from tests.benchmarks.points import by, failed, tell_failures
 from tests.benchmarks.resuming import count_of, resumed
 from tests.benchmarks.timing import Text, show
 from tests.conftest import TINY, FakeClock
@@ -77,24 +78,17 @@ def bench_damaged_sessions(count: int = COUNT) -> bool:
     """Print the figures; whether every session was analysed or refused in a sentence, in time."""
     found = resumed("damaged_sessions", count, _trials)
     rows: list[list[str | Text]] = []
-    for kind in sorted({one["kind"] for one in found}):
-        own = [one for one in found if one["kind"] == kind]
+    for kind, own in sorted(by(found, "kind").items()):
         reached = Counter(one["reached"] for one in own)
         numbers = [str(sum(reached[n] for n in range(k, 3))) for k in (1, 2)]
-        failed = str(sum(one["failure"] != "" for one in own))
         slowest = max(one["slower"] for one in own)
-        rows.append([Text(kind), str(len(own)), *numbers, failed, f"{slowest:.1f}"])
+        rows.append([Text(kind), str(len(own)), *numbers, str(failed(own)), f"{slowest:.1f}"])
     titles = ["damage", "sessions", "reported", "evaluated", "failed", "times the unchanged"]
     show("Damaged sessions", titles, rows)
-    failures = [one for one in found if one["failure"]]
     analysed = sum(one["reached"] == len(STAGES) for one in found)
-    print(
-        f"{len(found)} sessions: {analysed} analysed ({100 * analysed / len(found):.0f} %), "
-        f"{len(failures)} failed"
-    )
-    for one in failures[:40]:
-        print(f"  {one['number']}, {one['kind']}: {one['failure']}")
-    return not failures and analysed >= LEAST_ANALYSED * len(found)
+    print(f"{analysed} analysed ({100 * analysed / len(found):.0f} %)")
+    sound = tell_failures(found, "{number}, {kind}", "sessions tried")
+    return sound and analysed >= LEAST_ANALYSED * len(found)
 
 
 def _trials(numbers: range) -> Iterator[dict[str, Any]]:

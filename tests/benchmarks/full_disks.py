@@ -10,7 +10,6 @@ import random
 import resource
 import shutil
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -20,6 +19,7 @@ from typing import Any
 from testbench.execution.recovery import recover
 from testbench.records.session.session import RunStatus, Session
 from tests.benchmarks.crash_points import FORMATS, Ended, Words, called, place_of, start_in
+from tests.benchmarks.points import Found, by, failed, tell_failures, walk
 from tests.benchmarks.resuming import count_of, resumed
 from tests.benchmarks.timing import Text, show
 from tests.processes import NEW_MOUNTS, NO_DISK, PRIVATE
@@ -50,31 +50,17 @@ FULL, CLOSED, LIMITED = "full", "read-only", "limited"
 
 def bench_full_disks(count: int = COUNT) -> bool:
     """Print the figures; whether every command ended as it must."""
-    found = resumed("full_disks", count, _trials)
+    found = resumed("full_disks", count, walk(Disks))
     if not found:
         print(NO_DISK)
         return True
     rows: list[list[str | Text]] = []
-    for name in dict.fromkeys(one["stage"] for one in found):
-        own = [one for one in found if one["stage"] == name]
+    for name, own in by(found, "stage").items():
         counts = [str(sum(one["disk"] == kind for one in own)) for kind in (FULL, CLOSED, LIMITED)]
         refused = str(sum(one["code"] == 3 for one in own))
-        rows.append([Text(name), *counts, refused, str(sum(one["failure"] != "" for one in own))])
+        rows.append([Text(name), *counts, refused, str(failed(own))])
     show("Commands on disks that take no more", ["", FULL, CLOSED, LIMITED, "3", "failed"], rows)
-    failures = [one for one in found if one["failure"]]
-    print(f"{len(found)} tried, {len(failures)} failed")
-    for one in failures[:40]:
-        print(f"  {one['stage']}, {one['disk']} at {one['at_kb']} kB: {one['failure']}")
-    return not failures
-
-
-def _trials(numbers: range) -> Iterator[dict[str, Any]]:
-    with tempfile.TemporaryDirectory() as name:
-        disks = Disks(Path(name))
-        for number in numbers:
-            if number >= len(disks.points):
-                return
-            yield disks.trial(*disks.points[number])
+    return tell_failures(found, "{stage}, {disk} at {at_kb} kB")
 
 
 class Disks:
@@ -93,7 +79,7 @@ class Disks:
         self.folder = folder
         self.start = start_in(folder)
         self.used_kb = _used_kb(self.start)
-        self.points: list[tuple[str, str, int]] = []
+        self.points: list[tuple[Any, ...]] = []
         self.before = _contents(self.start)
         for name in only:
             ended, kept = self._ended(name, FULL, 100_000)
@@ -113,7 +99,7 @@ class Disks:
         sizes = [len(own) for path, own in after.items() if self.before.get(path) != own]
         return sum(-(-size // (PAGE_KB * 1024)) * PAGE_KB for size in sizes)
 
-    def trial(self, name: str, disk: str, at_kb: int) -> dict[str, Any]:
+    def trial(self, name: str, disk: str, at_kb: int) -> Found:
         """What is wrong with how a command ended, and with what it left."""
         ended, kept = self._ended(name, disk, at_kb)
         failure = self._wrong(name, ended, kept)

@@ -15,6 +15,7 @@ from typing import Any
 
 from tests.benchmarks.commands import run_command
 from tests.benchmarks.foreign_kinds import KINDS, Kind
+from tests.benchmarks.points import by, failed, tell_failures
 from tests.benchmarks.resuming import count_of, resumed
 from tests.benchmarks.timing import Text, show
 from tests.system.mutations import mutate_bytes, mutate_text
@@ -34,20 +35,17 @@ def bench_mutated_imports(count: int = COUNT) -> bool:
     found = resumed("mutated_imports", count, _trials)
     rows: list[list[str | Text]] = []
     for kind in KINDS:
-        own = [one for one in found if one["kind"] == kind]
+        own = by(found, "kind").get(kind, [])
         reached = Counter(one["reached"] for one in own)
         numbers = [str(sum(reached[n] for n in range(k, 5))) for k in range(1, 5)]
-        failed = str(sum(one["failure"] != "" for one in own))
         slowest = max((one["spent_s"] for one in own), default=0.0)
-        rows.append([Text(kind), str(len(own)), *numbers, failed, f"{slowest:.2f}"])
+        rows.append([Text(kind), str(len(own)), *numbers, str(failed(own)), f"{slowest:.2f}"])
     titles = ["", "files", "imported", "estimated", "evaluated", "reported", "failed", "slowest"]
     show("Mutated recordings and truths", titles, rows)
-    failures = [one for one in found if one["failure"]]
     analysed = sum(one["reached"] == len(STAGES) for one in found)
-    print(f"{len(found)} files: {analysed} analysed, {len(failures)} failed")
-    for one in failures[:40]:
-        print(f"  {one['number']}, {one['kind']}: {one['failure']}")
-    return not failures and analysed >= LEAST_ANALYSED * len(found)
+    print(f"{analysed} analysed")
+    sound = tell_failures(found, "{number}, {kind}", "files tried")
+    return sound and analysed >= LEAST_ANALYSED * len(found)
 
 
 def _trials(numbers: range) -> Iterator[dict[str, Any]]:

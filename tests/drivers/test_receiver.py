@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from testbench.clock import SystemClock
+from testbench.drivers.arms import receiver as receiver_module
 from testbench.drivers.arms.receiver import CLOSED, Receiver
 from testbench.drivers.arms.rtde import RtdeStream
 from testbench.drivers.arms.standing import RestWatch, Standing
@@ -47,6 +48,24 @@ def test_a_piece_has_the_time_at_which_the_kernel_took_it_in_not_that_of_reading
     (arrived_ns, data) = pieces[0]
     assert data == b"report"
     assert sent_ns - 1_000_000 <= arrived_ns < sent_ns + 200_000_000
+    receiver.close()
+
+
+@pytest.mark.parametrize("hours", [-1, 1], ids=["back", "forward"])
+def test_a_clock_of_this_machine_that_is_set_moves_no_arrival(ends, monkeypatch, hours):
+    """What lies in the socket has the kernel's stamp by the clock as it was."""
+    receiver = Receiver(ends[0], SystemClock(), threaded=True)
+    with receiver._lock:
+        sent_ns = time.monotonic_ns()
+        ends[1].sendall(b"before")
+        threading.Event().wait(0.05)
+        monkeypatch.setattr(
+            receiver_module, "real_time_ns", lambda: time.time_ns() + hours * 3600 * 10**9
+        )
+    end = time.monotonic() + 10
+    while not (pieces := receiver.take()) and time.monotonic() < end:
+        pass
+    assert sent_ns - 1_000_000 <= pieces[0][0] <= time.monotonic_ns()
     receiver.close()
 
 

@@ -12,7 +12,7 @@ from testbench.drivers.arms.remedies import PENDANT, STUDIO, UR_REMEDIES, XARM_R
 from testbench.drivers.arms.ur import UrArm
 from testbench.drivers.arms.xarm import XArm
 
-BEFORE_A_SESSION = {"extra_missing", "connection", "watchdog", "silence", "payload"}
+BEFORE_A_SESSION = {"extra_missing", "connection", "watchdog", "silence"}
 """Faults that end a run before there is a session to advise on, whose sentence says all."""
 
 

@@ -120,12 +120,43 @@ def test_a_fault_that_the_real_library_waits_or_raises_for_ends_in_a_stopped_arm
     assert told.details["arm"] == "at rest"
 
 
-def run_to_its_end(protocol: Path, address: str, logs: Path, tell: Connection) -> None:
+def run_to_its_end(
+    protocol: Path,
+    address: str,
+    logs: Path,
+    tell: Connection,
+    patience: dict[str, float] | None = None,
+) -> None:
     """A run in a process of its own, which tells how it ended."""
     try:
-        tell.send(str(drive(make_plan(run_of(protocol)), address, logs).status))
+        tell.send(str(drive(make_plan(run_of(protocol)), address, logs, patience).status))
     except DriverError as error:
         tell.send(str(error))
+
+
+def test_a_bench_that_is_stopped_by_a_signal_for_longer_than_it_may_finds_its_arm_at_rest(
+    maker, robot, plans, tmp_path
+):
+    before = int(robot.control("status").split()[-2])
+    said, tell = FORKS.Pipe(duplex=False)
+    protocol, logs = plans[maker].protocol.document.file, tmp_path / "logs"
+    bench = forked(run_to_its_end, protocol, robot.address, logs, tell, {"host_silence": 3.0})
+    tell.close()
+    try:
+        end = time.monotonic() + 120
+        while int(robot.control("status").split()[-2]) < before + 50:
+            assert not said.poll(), f"it ended before it moved: {said.recv()}"
+            assert bench.is_alive() and time.monotonic() < end, "it never moved"
+            time.sleep(0.02)
+        os.kill(bench.pid, signal.SIGSTOP)
+        robot.wait_until("STOPPED")  # while it is held
+        robot.wait_until("at rest")
+        os.kill(bench.pid, signal.SIGCONT)
+        assert said.poll(60) and "the bench was silent for 3 s" in said.recv()
+        bench.join(60)
+    finally:
+        bench.kill()
+    faulted_session(logs, {"host_silence"})
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,7 @@ UR_REMEDIES = _common(PENDANT) | {
     "speed_slider": f"put the speed slider back {PENDANT}",
     "program_stopped": f"find out who stopped or replaced the program: somebody {PENDANT}, or "
     "another bench",
+    "payload": f"see {PENDANT} which payload is set, and by whom",
 }
 """Of Universal Robots arms."""
 

@@ -19,7 +19,14 @@ RTDE_PORT = 30004
 VERSION, TEXT, DATA = ord("V"), ord("M"), ord("U")
 SETUP_OUTPUTS, START = ord("O"), ord("S")
 HEADER = struct.Struct(">HB")
-FORMATS = {"VECTOR6D": "6d", "DOUBLE": "d", "VECTOR6INT32": "6i", "INT32": "i", "UINT32": "I"}
+FORMATS = {
+    "VECTOR6D": "6d",
+    "VECTOR3D": "3d",
+    "DOUBLE": "d",
+    "VECTOR6INT32": "6i",
+    "INT32": "i",
+    "UINT32": "I",
+}
 """struct codes of RTDE's types, of those that are asked for."""
 LARGEST_PACKAGE = 4096
 ROUND_TRIPS = 5
@@ -133,7 +140,7 @@ class RtdeStream:
         places: list[int | slice] = []
         at = 1
         for kind in kinds:
-            width = 6 if kind.startswith("VECTOR6") else 1
+            width = int(FORMATS[kind][:-1] or 1)
             places.append(at if width == 1 else slice(at, at + width))
             at += width
         return struct.Struct(">B" + "".join(FORMATS[kind] for kind in kinds)), places

@@ -8,7 +8,7 @@ again by itself and upload its program, is kept from both: `own_process.forbid_c
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -45,6 +45,10 @@ STOPPED_S = 1.0
 """The library must stop the arm within this time, or it is stopped without it [s]."""
 STARTED_S = 5.0
 """The library's program must run within this time [s], as in the library itself."""
+LOAD_S, LOAD_KG, LOAD_M = 2.0, 0.01, 0.001
+"""The reports repeat the weight of the tool within this time after it was told [s], and its mass
+and centre to so much [kg, m].
+"""
 MOST_UNFED = 3
 """Feeds of the watchdog that may fail one after the other."""
 LATELY_S = 2.0
@@ -68,7 +72,10 @@ VARIABLES = [
     "safety_status_bits",
     "target_speed_fraction",
     "speed_scaling",
+    "payload",
+    "payload_cog",
 ]
+"""Those of the weight of the tool need PolyScope 5.5.1 (RTDE guide)."""
 RUNNING = 7
 """`robot_mode` of an arm that may move (RTDE guide)."""
 
@@ -115,6 +122,8 @@ class UrClient(ArmClient):
         self._modes: tuple[int, int] = (0, 0)
         self._told: tuple[Any, ...] | None = None
         self._bits = 0
+        self._load: tuple[float, list[float]] = (0.0, [0.0, 0.0, 0.0])
+        self._load_told = False
         self._program_seen = self._streaming = False
         self._lock = ControllerLock(settings.host)
         self._said_at = self.now()
@@ -192,13 +201,37 @@ class UrClient(ArmClient):
             self.time.sleep(0.002)
         if self.own_process:
             forbid_connections()
-        if settings.mass is not None and not self._control.setPayload(
-            settings.mass, list(settings.centre)
-        ):
-            raise ArmFault("payload", "the controller did not take the weight of the tool")
+        if settings.mass is not None:
+            self._tell_load(settings.mass, list(settings.centre))
         if not self._control.setWatchdog(1 / settings.watchdog):
             raise ArmFault("watchdog", "the controller's watchdog could not be set")
         self._program_seen, self._said_at = True, self.now()
+
+    def _tell_load(self, mass: float, centre: list[float]) -> None:
+        """Say what the tool weighs, until the reports repeat it.
+
+        Args:
+            mass: Of the tool [kg].
+            centre: Its centre of mass in the flange [m].
+        """
+        if not self._control.setPayload(mass, centre):
+            raise ArmFault("payload", "the controller did not take the weight of the tool")
+        end = self.now() + LOAD_S
+        while not self._carries(mass, centre):
+            if self.now() > end:
+                raise ArmFault(
+                    "payload",
+                    f"the controller was told that the tool weighs {mass:g} kg, and reports "
+                    f"{self._load[0]:.3g} kg, or another centre of mass",
+                )
+            self.samples()
+            self.time.sleep(0.002)
+        self._load_told = True
+
+    def _carries(self, mass: float, centre: Sequence[float]) -> bool:
+        """Whether the controller goes by this weight of the tool."""
+        away = max(abs(own - told) for own, told in zip(self._load[1], centre, strict=True))
+        return abs(self._load[0] - mass) < LOAD_KG and away < LOAD_M
 
     # One piece, since the questions go over one connection and every failure of it is one fault.
     def _ask(self, dashboard: Any) -> dict[str, Any]:
@@ -322,9 +355,11 @@ class UrClient(ArmClient):
         altered on their way.
         """
         names = ("robot_mode", "safety_mode", "robot_status_bits", "safety_status_bits")
-        state = tuple(report[name] for name in (*names, "target_speed_fraction"))
+        more = ("target_speed_fraction", "payload", "payload_cog")
+        state = tuple(report[name] for name in (*names, *more))
         if state == self._told or self._told is None:
             self._modes, self._bits, self.slider = state[:2], state[3], state[4]
+            self._load = state[5:]
             self.may_move = program_moves(report)
         self._told = state
 
@@ -349,6 +384,13 @@ class UrClient(ArmClient):
         if self._program_seen and not self.may_move:
             self._look_again()
             raise self._program_ended()
+        mass = settings.mass
+        if self._load_told and mass is not None and not self._carries(mass, settings.centre):
+            raise ArmFault(
+                "payload",
+                f"the controller goes by {self._load[0]:.3g} kg on the flange, or another centre "
+                f"of mass, and was told {mass:g} kg",
+            )
 
     def _check_connections(self) -> None:
         """Whether those of samples and of commands are there."""

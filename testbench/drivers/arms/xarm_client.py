@@ -55,8 +55,10 @@ NOT_CONNECTED, NO_ANSWER, NOT_READY = {-1, 8}, 3, 9
 """What the library's calls return: the connection is gone; no answer came in time; the controller
 takes no moves now.
 """
-LOAD_S = 2.0
-"""The weight of the tool shows in the slow reports within this time [s]."""
+LOAD_S, LOAD_TOLERANCE = 2.0, 0.01
+"""The weight of the tool shows in the slow reports within this time [s], to so much [kg, mm]."""
+OTHER_LOAD_S = 0.5
+"""The slow reports tell another weight for so long before that is believed [s]: in two of them."""
 MODE_S, SURE_NS = 2.0, 50_000_000
 """A change of mode shows in the reports within this time [s], and counts when they have told of it
 for so long [ns].
@@ -207,6 +209,8 @@ class XArmClient(ArmClient):
         self._state = self._mode = self._commands = -1
         self._wanted_mode: int | None = None
         self._lost = self._taken_over = self._unanswered = False
+        self._load_told: tuple[float, list[float]] | None = None
+        self._carried = 0.0
         self._lock = ControllerLock(settings.host)
 
     def connect(self) -> dict[str, Any]:
@@ -366,7 +370,7 @@ class XArmClient(ArmClient):
         self._wanted_mode = None
         self._enter(POSITION)
         end = self.now() + LOAD_S
-        while not np.allclose([mass, *centre_mm], np.hstack(self._arm.tcp_load), atol=0.01):
+        while not self._carries(mass, centre_mm):
             if self.now() > end:
                 raise ArmFault(
                     "payload",
@@ -374,6 +378,25 @@ class XArmClient(ArmClient):
                 )
             self._held += self._read()
             self.time.sleep(0.01)
+        self._load_told, self._carried = (mass, centre_mm), self.now()
+
+    def _carries(self, mass: float, centre_mm: list[float]) -> bool:
+        """Whether the controller goes by this weight of the tool [kg, mm]."""
+        told = np.hstack(self._arm.tcp_load)
+        return bool((np.abs(told - [mass, *centre_mm]) < LOAD_TOLERANCE).all())
+
+    def _check_load(self) -> None:
+        """Whether the controller still goes by the weight of the tool that it was told."""
+        told = self._load_told
+        if told is None or self._carries(*told):
+            self._carried = self.now()
+        elif self.now() - self._carried > OTHER_LOAD_S:
+            kg = float(np.hstack(self._arm.tcp_load)[0])
+            raise ArmFault(
+                "payload",
+                f"the controller goes by {kg:.3g} kg on the flange, or another centre of mass, and "
+                f"was told {told[0]:g} kg",
+            )
 
     def samples(self) -> list[Row]:
         rows, self._held = self._held, []
@@ -442,6 +465,7 @@ class XArmClient(ArmClient):
             raise ArmFault("mode_changed", f"somebody switched the controller to mode {self._mode}")
         if self._state == PAUSED:
             raise ArmFault("program_stopped", "somebody paused the arm")
+        self._check_load()
 
     def _error(self) -> int:
         """The error code of now, which the library's reports tell late."""

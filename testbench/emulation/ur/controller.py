@@ -165,7 +165,7 @@ class Controller(EmulatedController):
 
     def outputs(self) -> dict[str, Any]:
         """Every RTDE output variable but the registers."""
-        joints, current = self.joints, self.currents
+        joints, current, told = self.joints, self.currents, self.faults.payload_kg
         powered = self.mode >= RobotMode.POWER_ON
         noise = AMPERE_NOISE * self._rng.standard_normal(len(current))
         return {
@@ -188,7 +188,7 @@ class Controller(EmulatedController):
             "safety_status_bits": SAFETY_BITS[self.safety],
             "speed_scaling": self.slider if self.playing else 0.0,
             "target_speed_fraction": self.slider,
-            "payload": self.payload,
+            "payload": self.payload if told is None else told,
             "payload_cog": self.payload_cog,
             "actual_main_voltage": 48.0,
             "actual_robot_voltage": 48.0 if powered else 0.0,

@@ -25,6 +25,9 @@ FAULTS = {
     "rtde_silence": FaultKind("no RTDE package is sent any more, the connection stays open"),
     "slow_response": FaultKind("dashboard and script answer value seconds late", "seconds"),
     "slider": FaultKind("the speed slider stands at value (0 to 1)", "share"),
+    "payload": FaultKind(
+        "the controller goes by another weight of the tool than it was told (value in kg)", "mass"
+    ),
     "local_control": FaultKind("the robot is taken out of remote control"),
     "program_stop": FaultKind("the running program ends, as if somebody had pressed stop"),
 }

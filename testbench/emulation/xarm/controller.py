@@ -268,6 +268,8 @@ class Controller(EmulatedController):
         )
         report["brakes"] = report["motors"] = (1 << axes) - 1 if self.enabled else 0
         report["error"], report["load"] = self.error, self.load
+        if self.faults.payload_kg is not None:
+            report["load"][0, 0] = self.faults.payload_kg
         report["gravity"] = [0.0, 0.0, -1.0]
         report["axes"], report["device_type"] = axes, device_type
         report["temperatures"], report["currents"] = TEMPERATURE_DEGC, padded(self.currents)

@@ -29,6 +29,9 @@ FAULTS = {
         "the time stamps jump by value seconds; they fall behind where it is negative", "step"
     ),
     "report_silence": FaultKind("no report is sent any more, the connections stay open"),
+    "payload": FaultKind(
+        "the controller goes by another weight of the tool than it was told (value in kg)", "mass"
+    ),
     "slow_response": FaultKind("commands are answered value seconds late", "seconds"),
 }
 """What can be asked for, with its meaning and its value."""
