@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from testbench.cli.auditing import audit
 from testbench.cli.calibrating import calibrate, calibrations
 from testbench.cli.describing import say_description
 from testbench.cli.designing import design
@@ -51,6 +52,7 @@ from testbench.cli.output import (
 from testbench.cli.recording import record
 from testbench.cli.running import run
 from testbench.cli.sessions import sessions
+from testbench.cli.simulating import simulate
 from testbench.cli.studying import study
 from testbench.cli.tuning import tune
 from testbench.cli.verifying import seal, verify
@@ -160,6 +162,8 @@ app.command("import")(import_files)
 app.command()(export)
 app.command()(gait)
 app.command()(noise)
+app.command()(simulate)
+app.command()(audit)
 app.command()(calibrate)
 app.command()(calibrations)
 app.add_typer(emulate, name="emulate")

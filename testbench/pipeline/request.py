@@ -202,6 +202,33 @@ class NoiseRequest(Asked):
     )
 
 
+class AuditRequest(Asked):
+    """What is asked of the sensors of a recording by themselves."""
+
+    sensor: str | None = Field(default=None, description="Its name; all if null.")
+    faces: tuple[str, ...] = Field(
+        default=(),
+        description="Which axis of the part pointed up in each rest, such as `+z`, in their order.",
+    )
+    least_rest_s: float = Field(
+        default=1.0, gt=0, description="Shortest rest that counts as one on a face [s]."
+    )
+
+
+class SimulateRequest(Asked):
+    """Sensors that ride on a motion that a file holds."""
+
+    motion: Place = Field(description="File of poses over time, .csv or .npz.")
+    out: Place = Field(description="Folder of the session, to be made.")
+    preset: str = Field(
+        default="xsens_dot", description="Data sheet of every sensor, by name or file."
+    )
+    sensors: tuple[str, ...] = Field(
+        default=(), description="Data sheets of single bodies, each `BODY=PRESET`."
+    )
+    seed: int = Field(default=0, ge=0, description="Of the sensors that are drawn.")
+
+
 class GaitRequest(Asked):
     """How a walk is reckoned, and what is known of it."""
 
