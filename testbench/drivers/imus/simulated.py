@@ -16,6 +16,7 @@ from testbench.model.noise import random_stream
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.trajectory import TrueState
 from testbench.records.specs.protocol import Environment, Sensor
+from testbench.records.specs.sensor import TriadParameters
 
 
 class SimulatedImu(Imu):
@@ -55,12 +56,14 @@ class SimulatedImu(Imu):
         self._link_from_sensor = Pose.from_placement(sensor.mounting) @ Pose.from_placement(
             sensor.mounting_error
         )
-        self._accelerometer = TriadModel(
-            parameters.accelerometer.triad(), rate, seed, name, "accelerometer"
-        )
-        self._gyroscope = TriadModel(parameters.gyroscope.triad(), rate, seed, name, "gyroscope")
+
+        def triad(sheet: TriadParameters, kind: str) -> TriadModel:
+            return TriadModel(sheet, rate, seed, name, kind, part=sensor.part)
+
+        self._accelerometer = triad(parameters.accelerometer.triad(), "accelerometer")
+        self._gyroscope = triad(parameters.gyroscope.triad(), "gyroscope")
         self._magnetometer = (
-            TriadModel(parameters.magnetometer.triad(), rate, seed, name, "magnetometer")
+            triad(parameters.magnetometer.triad(), "magnetometer")
             if parameters.magnetometer
             else None
         )
