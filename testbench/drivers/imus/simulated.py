@@ -20,7 +20,7 @@ from testbench.model.rigid_motion import RigidMotion
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.trajectory import TrueState
 from testbench.records.specs.protocol import Environment, Sensor
-from testbench.records.specs.sensor import ImuParameters
+from testbench.records.specs.sensor import ImuParameters, TriadParameters
 
 
 class ModelledImu(Imu):
@@ -32,6 +32,7 @@ class ModelledImu(Imu):
         preset: Name of that, where it has one.
         environment: Its temperature.
         seed: Of the run.
+        part: Whose errors it has, by name; its own if None.
     """
 
     gravity: np.ndarray
@@ -44,18 +45,21 @@ class ModelledImu(Imu):
         preset: str | None,
         environment: Environment,
         seed: int,
+        part: str | None = None,
     ):
         self.name, self.parameters, self.environment = name, parameters, environment
         self.rate = rate = parameters.rate_hz
         self.has_magnetometer = parameters.magnetometer is not None
         self.has_orientation = parameters.device_orientation is not None
         self._preset, self._seed = preset, seed
-        self._accelerometer = TriadModel(
-            parameters.accelerometer.triad(), rate, seed, name, "accelerometer"
-        )
-        self._gyroscope = TriadModel(parameters.gyroscope.triad(), rate, seed, name, "gyroscope")
+
+        def triad(sheet: TriadParameters, kind: str) -> TriadModel:
+            return TriadModel(sheet, rate, seed, name, kind, part=part)
+
+        self._accelerometer = triad(parameters.accelerometer.triad(), "accelerometer")
+        self._gyroscope = triad(parameters.gyroscope.triad(), "gyroscope")
         self._magnetometer = (
-            TriadModel(parameters.magnetometer.triad(), rate, seed, name, "magnetometer")
+            triad(parameters.magnetometer.triad(), "magnetometer")
             if parameters.magnetometer
             else None
         )
@@ -270,7 +274,7 @@ class SimulatedImu(ModelledImu):
         true_state: TrueState,
         seed: int,
     ):
-        super().__init__(name, sensor.imu(), sensor.preset, environment, seed)
+        super().__init__(name, sensor.imu(), sensor.preset, environment, seed, sensor.part)
         self.sensor, self.kinematics = sensor, kinematics
         self.gravity = kinematics.robot.gravity
         self._true_state = true_state

@@ -95,6 +95,11 @@ class Sensor(StrictModel):
     parameters: dict[str, Any] = Field(
         default={}, description="Parameters of the sensor, or changes to those of the preset."
     )
+    part: str | None = Field(
+        default=None,
+        description="Name that the errors of a simulated sensor are drawn by: sensors of one part "
+        "are one device in several settings, such as at several rates; its own name if null.",
+    )
     link: str = Field(description="Link of the arm that carries the sensor, by its URDF name.")
     segment: Segment | None = Field(
         default=None, description="Body segment the sensor stands for; joint angles need it."
