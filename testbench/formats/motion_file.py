@@ -17,7 +17,6 @@ from pyarrow import ArrowInvalid
 from testbench.exceptions import FileProblems, Problem
 from testbench.frames import NANOSECONDS
 from testbench.model.rigid_motion import LEAST_POSES, RigidMotion
-from testbench.records.disk.replacing import stored_where_asked
 
 SINGLE = "sensor"
 """Name of a body that has none."""
@@ -40,24 +39,6 @@ def read_motion(file: Path) -> dict[str, RigidMotion]:
         raise FileProblems(file, [Problem(text) for text in problems])
     time_ns = np.round((time - time[0]) * NANOSECONDS).astype(np.int64)
     return {name: RigidMotion(time_ns, place, q) for name, (q, place) in bodies.items()}
-
-
-def write_motion(file: Path, time_s: np.ndarray, bodies: dict[str, Poses]) -> None:
-    """Write an `.npz` of motion.
-
-    Args:
-        file: To write.
-        time_s: Increasing, shape (n,) [s].
-        bodies: By name.
-
-    Raises:
-        InputError: It cannot be written there.
-    """
-    arrays = {"time_s": time_s}
-    for name, (q, place) in bodies.items():
-        arrays |= {f"{name}.q": q, f"{name}.position_m": place}
-    with stored_where_asked(file):
-        np.savez_compressed(file, **arrays)
 
 
 def _read_npz(file: Path) -> tuple[np.ndarray, dict[str, Poses]]:

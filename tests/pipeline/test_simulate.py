@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
 from testbench.exceptions import FileProblems, InputError, NotFoundError
-from testbench.formats.motion_file import read_motion, write_motion
+from testbench.formats.motion_file import read_motion
 from testbench.pipeline.audit import audit_sensors
 from testbench.pipeline.request import SimulateRequest
 from testbench.pipeline.simulate import simulate
@@ -28,6 +28,12 @@ def poses(seconds: float = 30.0):
     )
     q = Rotation.from_euler("ZYX", angles).as_quat(scalar_first=True)
     return t, q, 0.2 * size[:, None] * np.column_stack([np.sin(2 * t), np.cos(t) - 1, 0 * t])
+
+
+def write_motion(path, t, bodies):
+    arrays = {f"{name}.q": q for name, (q, _) in bodies.items()}
+    arrays |= {f"{name}.position_m": place for name, (_, place) in bodies.items()}
+    np.savez(path, time_s=t, **arrays)
 
 
 def as_csv(path, t, q, place, prefix=""):

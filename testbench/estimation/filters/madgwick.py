@@ -54,6 +54,7 @@ def trust(size: float, low: float, high: float) -> float:
         low: Relative difference below which it is trusted [1].
         high: And from which on it is not [1].
     """
+    # e = | |a| - g | / g, and the gain falls linearly between both thresholds
     off = abs(size - GRAVITY) / GRAVITY
     if off <= low:
         return 1.0

@@ -20,8 +20,10 @@ from functools import lru_cache
 from multiprocessing import get_context
 from os import cpu_count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import yaml
 
 from testbench.clock import SystemClock
 from testbench.estimation.chain.period import base_frequency
@@ -42,7 +44,7 @@ from testbench.pipeline.watcher import Watcher
 from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.evaluation import ChainRow
 from testbench.records.session.samples import ArmSamples
-from testbench.records.specs.protocol_chain import ChainEstimation, ChainPlacement
+from testbench.records.specs.protocol_chain import ChainEstimation
 from testbench.studies.bench import StudyBench
 from testbench.studies.chain.as_printed import run_as_printed
 from testbench.studies.chain.motions import (
@@ -77,15 +79,15 @@ USUAL = "each sensor by vqf_6d"
 """The usual way: each sensor's orientation by itself, and the angles between two segments."""
 EXACT, OFF, FITTED = "as stated", "off", "off, placement fitted"
 """Where the sensors of the walk sit."""
-RIGS_A_PART = 4
+RIGS_A_PART = 3
 """Runs of a rig for each part: the ratio of two angles' errors scatters by a factor of two from
 run to run, so that five runs tell nothing of it.
 """
 MOST_PROCESSES = 8
 """More would wait for memory rather than for processors."""
 Estimates = tuple[ChainSection, dict[str, ChainEstimate]]
-HARMONICS = range(1, 9)
-"""Those that the source tries (its figures 3.2 to 3.4)."""
+HARMONICS = (1, 2, 3, 4, 6, 8)
+"""Of the 1 to 8 that the source tries (its figures 3.2 to 3.4)."""
 
 
 @dataclass(frozen=True)
@@ -204,6 +206,7 @@ class Task:
         part: Whose sensors they are.
         printed: Whether the thesis's filter runs, too.
         first: Whether it is the one that curves are drawn of.
+        chain: How its joints are estimated where its sensors are off; else as its protocol says.
     """
 
     place: str
@@ -212,6 +215,7 @@ class Task:
     part: int
     printed: bool
     first: bool
+    chain: dict[str, Any]
 
 
 @dataclass
@@ -297,8 +301,12 @@ def _tasks(
         drawn = part if motion is VARIED else 0
         source = sources.get(motion.protocol)
         file = write_protocol(motion, folder, drawn, place == OFF, source)
+        chain = {}
+        if place == OFF:
+            stated = write_protocol(motion, folder, drawn, False, source)
+            chain = yaml.safe_load(stated.read_text("utf-8"))["estimate"]["chain"]
         asked = bench.request(file, seed, report=with_report and first).canonical()
-        tasks.append(Task(place, motion, asked, part, k == 0, first))
+        tasks.append(Task(place, motion, asked, part, k == 0, first, chain))
 
     for i, part in enumerate(bench.seeds):
         add(OFF, VARIED, part, part, i == 0)
@@ -332,7 +340,7 @@ def _run(task: Task) -> Found:
     result = run(request, Watcher(SystemClock()), planned)
     found = Found(result.session.path)
     wrong = task.part if task.place == OFF else None
-    section = section_of(result, wrong)
+    section = section_of(result, wrong, task.chain)
     own = (
         {one.state: one for one in result.estimate.chain} if wrong is None else own_states(section)
     )
@@ -340,7 +348,7 @@ def _run(task: Task) -> Found:
         own |= printed(section)
     found.add(result, task, task.place, (section, own))
     if wrong is not None:
-        again = section_of(result, wrong, WANTED)
+        again = section_of(result, wrong, {**task.chain, "placement": WANTED})
         found.add(result, task, FITTED, (again, own_states(again)))
     if task.motion in WALKS:
         found.usual = usual_way(result)
@@ -370,30 +378,31 @@ def _gathered(motion: Motion, place: str, found: Sequence[Found]) -> Moved:
     return Moved(motion, errors, first, [one.path for one in own], lost)
 
 
-WANTED = ChainPlacement(
-    rotation_sd_deg=ROTATION_SD_DEG,
-    position_sd_mm=POSITION_SD_MM,
-    length_sd_percent=LENGTH_SD_PERCENT,
-)
+WANTED = {
+    "rotation_sd_deg": ROTATION_SD_DEG,
+    "position_sd_mm": POSITION_SD_MM,
+    "length_sd_percent": LENGTH_SD_PERCENT,
+}
 """What is fitted of sensors that are off."""
 
 
 def section_of(
-    result: Result, wrong_lengths: int | None = None, placement: ChainPlacement | None = None
+    result: Result, wrong_lengths: int | None = None, chain: Mapping[str, Any] | None = None
 ) -> ChainSection:
     """The judged section of a session, ready for filters.
 
     Args:
         result: Of the run.
         wrong_lengths: Seed of errors of the segments' lengths; None for none.
-        placement: What is fitted of it.
+        chain: How its joints are estimated, as a protocol has it; as its own says if none.
     """
     facts = RunFacts.of(result.session)
     wanted = facts.settings.chain
     recording = ChainRecording.of(result.session, facts)
     if wanted is None or recording is None:
         raise InputError(f"{result.session.name} asks for no chain")
-    wanted = wanted.model_copy(update={"placement": placement})
+    if chain:
+        wanted = ChainEstimation.model_validate(chain)
     names = wanted.sensors or list(recording.carried)
     name = (wanted.sections or recording.sections)[0]
     section = ChainSection(recording, result.estimate.sensors, names, wanted, name)

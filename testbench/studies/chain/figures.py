@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from testbench.frames import NANOSECONDS
-from testbench.records.results.study import BoxNumbers, StudyBoxes, StudyCurve, StudyCurves
+from testbench.records.results.study import (
+    BoxNumbers,
+    CurveKind,
+    StudyBoxes,
+    StudyCurve,
+    StudyCurves,
+)
 from testbench.studies.chain import words
 from testbench.studies.chain.comparison import (
     AXES,
@@ -21,6 +27,8 @@ SHOWN_S = 4.0
 """Of a motion over time, from the middle of what is judged on [s]."""
 SHOWN_SAMPLES = 300
 """Of a curve, about."""
+MEASURED: CurveKind = "measurement"
+FITTED_TO: CurveKind = "fit"
 NUMBERS = {PENDULUM.name: "4.3 to 4.6", SQUAT.name: "4.7 to 4.14", VARIED.name: "4.16 to 4.35"}
 """Figures of the source that ours stand for."""
 
@@ -122,11 +130,11 @@ def harmonic_curves(found: Reference5) -> StudyCurves:
     curves = []
     for name in found.walks:
         for label, kind, own in (
-            ("by the filter", "measurement", found.harmonics[name]),
-            ("series alone", "fit", found.series[name]),
+            ("by the filter", MEASURED, found.harmonics[name]),
+            ("series alone", FITTED_TO, found.series[name]),
         ):
             x, y = np.array(list(own), float), np.array(list(own.values()))
-            curves.append(StudyCurve(f"{name}, {label}", x, y, kind, name))  # type: ignore[arg-type]
+            curves.append(StudyCurve(f"{name}, {label}", x, y, kind, name))
     return StudyCurves(
         "RMS over the seven axes by the number of harmonics (figures 3.2 to 3.4)",
         "harmonics",

@@ -174,6 +174,8 @@ def write_protocol(
     motion.change(spec, random_stream(seed, "reference-5", motion.name))
     if off:
         displaced(spec, random_stream(seed, "reference-5", "placement"))
+        # its joints are estimated by the study, with lengths that are wrong as well
+        spec["estimate"]["chain"] |= {"states": ["kinematic"], "biases": False, "scales": False}
     number = (*RIGS, *WALKS).index(motion)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{motion.protocol}_{number}_{seed}{'_off' if off else ''}.yaml"

@@ -402,7 +402,7 @@ def gait_table(found: Reference5, published: PublishedChain) -> StudyTable:
         ),
         tuple(rows),
         words.GAIT_HOW.format(parts=words.counted(parts)),
-        words.GAIT_WHY,
+        words.GAIT_WHY.format(mean=published.gait.mean_magnitude_deg),
         "4.3, 4.4",
         (3, 3, 3, 3, 3, 4, 2),
         spread=words.OVER_PARTS,

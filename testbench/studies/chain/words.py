@@ -68,7 +68,8 @@ GAIT_WHY = (
     "The published row is of a person with sensors on skin against another measurement system, of "
     "the trial of five that fitted best; largest and smallest are its table 4.4. Ours is a chain "
     "of rigid bodies against its own joints: soft tissue and heel strike are not in it, wrong "
-    "placement is in the rows that say so. No ratio is formed between them."
+    "placement is in the rows that say so. No ratio is formed between them. The published means "
+    "are signed; that of their magnitudes is {mean:.3f} deg."
 )
 PLACED_CAPTION = "The walk: RMS over the seven axes of the leg, by motion, placement and filter"
 PLACED_HOW = (
