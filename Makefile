@@ -57,7 +57,7 @@ run: setup ## Run a protocol on the simulated bench (PROTOCOL=protocols/elbow_fl
 	$(BIN)/testbench run $(PROTOCOL)
 
 reproduce: setup ## Run the published experiments on the simulated bench, their tables beside ours (reports in logs/)
-	$(BIN)/testbench study --reproduce --parts 1
+	$(BIN)/testbench study --reproduce
 
 # A file stays on one worker, for its tests share what takes long to make; the slow files come first.
 test: setup ## Run all tests (PYTEST_ARGS="-k name", PYTEST_WORKERS=4)

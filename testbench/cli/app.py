@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from testbench.cli.auditing import audit
 from testbench.cli.calibrating import calibrate, calibrations
-from testbench.cli.describing import say_description
+from testbench.cli.describing import say_description, say_plateaus
 from testbench.cli.designing import design
 from testbench.cli.emulating import emulate
 from testbench.cli.exporting import export
@@ -21,8 +22,10 @@ from testbench.cli.options import (
     CalibrationOption,
     CompareOption,
     FiltersOption,
+    InjectOption,
     JsonOption,
     NoVerifyOption,
+    PlateausOption,
     ProtocolArgument,
     RepeatsOption,
     ReturnedOption,
@@ -35,8 +38,10 @@ from testbench.cli.options import (
     beside,
     described_by,
     exit_code,
+    injected_errors,
     optional,
     session_of,
+    typed_plateaus,
 )
 from testbench.cli.output import (
     in_ranges,
@@ -51,6 +56,7 @@ from testbench.cli.output import (
 from testbench.cli.recording import record
 from testbench.cli.running import run
 from testbench.cli.sessions import sessions
+from testbench.cli.simulating import simulate
 from testbench.cli.studying import study
 from testbench.cli.tuning import tune
 from testbench.cli.verifying import seal, verify
@@ -160,6 +166,8 @@ app.command("import")(import_files)
 app.command()(export)
 app.command()(gait)
 app.command()(noise)
+app.command()(simulate)
+app.command()(audit)
 app.command()(calibrate)
 app.command()(calibrations)
 app.add_typer(emulate, name="emulate")
@@ -225,21 +233,30 @@ def evaluate(
     sequence: SequenceOption = None,
     returned: ReturnedOption = False,
     repeats: RepeatsOption = None,
+    inject: InjectOption = None,
+    plateaus: PlateausOption = None,
     no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
     """Compare the estimates with the truth and judge them."""
-    from testbench.pipeline.analyse import judge_again
+    from testbench.pipeline.analyse import examine, judge_again, judge_plateaus
 
     opened = session_of(session, no_verify)
     asked = analysis_request(filters, parameters, calibration, tuned)
     wanted = beside(described_by(asked, compare, sequence, returned), repeats, no_verify)
-    result = judge_again(opened, wanted)
+    errors = injected_errors(inject or [])
+    typed = typed_plateaus(plateaus or [])
+    rows = judge_plateaus(opened, wanted, errors, typed)
+    result = examine(opened, wanted, errors).evaluation if errors else judge_again(opened, wanted)
     if json:
-        say_json(result.to_dict())
+        say_json(result.to_dict() | ({"plateaus": [vars(row) for row in rows]} if typed else {}))
     else:
+        say_plateaus(rows)
         say_description(result)
         say_evaluation(result, str(opened.path), None, opened.simulated)
+        for error in errors:
+            off = ", ".join(f"{value:g}" for value in error.yaw_pitch_roll_deg)
+            say(f"put in, and kept nowhere: {error.of} of {error.sensor} off by {off} deg")
     raise typer.Exit(exit_code(result))
 
 

@@ -25,6 +25,14 @@ class Witness(StrEnum):
     variance = "variance"
 
 
+class Middle(StrEnum):
+    """Where the rates inside a step of an integrator come from."""
+
+    measured = "measured"
+    interpolated = "interpolated"
+    constant = "constant"
+
+
 def _list(asked: bool) -> None:
     if not asked:
         return
@@ -81,6 +89,30 @@ def calibrate(
             "clockwise, against the axis.",
         ),
     ] = None,
+    integrator: Annotated[
+        str | None,
+        typer.Option(
+            "--integrator", help="Of the turns (gravity_turns, attitude): rk4, cg4, tustin, ..."
+        ),
+    ] = None,
+    stages: Annotated[
+        Middle | None,
+        typer.Option(
+            "--stages",
+            help="Where its rates inside a step come from; measured where it gains by it.",
+        ),
+    ] = None,
+    g_sensitivity: Annotated[
+        bool | None,
+        typer.Option(
+            "--g-sensitivity/--no-g-sensitivity",
+            help="Whether the gyroscope's response to gravity is fitted too; by attitude alone "
+            "unless said.",
+        ),
+    ] = None,
+    every: Annotated[
+        int, typer.Option("--every", min=1, help="Take only one sample of so many of each turn.")
+    ] = 1,
     no_report: Annotated[
         bool, typer.Option("--no-report", help="Do not write the report beside the file.")
     ] = False,
@@ -97,6 +129,7 @@ def calibrate(
     from testbench.pipeline.request import CalibrationRequest
 
     witness: Any = None if segmentation is None else segmentation.value
+    between: Any = None if stages is None else stages.value
     asked = CalibrationRequest(
         out=str(out),
         sensor=sensor,
@@ -105,6 +138,10 @@ def calibrate(
         held_out=tuple(map(str, held_out or ())),
         field_ut=field,
         turn_deg=turn,
+        integrator=integrator,
+        stages=between,
+        g_sensitivity=g_sensitivity,
+        every=every,
         report=not no_report,
         verify=not no_verify,
     )

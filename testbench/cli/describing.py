@@ -8,6 +8,18 @@ from testbench.cli.output import say_table
 
 if TYPE_CHECKING:
     from testbench.records.results.evaluation import Evaluation
+    from testbench.records.results.evaluation_rows import PlateauRow
+
+
+def say_plateaus(rows: list[PlateauRow]) -> None:
+    """Angles that a person typed in beside those of every filter, plateau by plateau."""
+    for joint in dict.fromkeys(row.joint for row in rows):
+        own = [row for row in rows if row.joint == joint]
+        say_table(
+            f"Plateaus of {joint}, beside the angles typed in [deg]",
+            ["filter", "sequence", "plateau", "from [s]", "to [s]", "typed", "mean", "sd", "error"],
+            [list(vars(row).values())[1:] for row in own],
+        )
 
 
 def say_description(evaluation: Evaluation) -> None:

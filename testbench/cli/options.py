@@ -10,6 +10,59 @@ import typer
 if TYPE_CHECKING:
     from testbench.pipeline.request import AnalysisRequest
     from testbench.records.session.session import Session
+    from testbench.records.specs.injected_error import InjectedError
+
+
+def typed_plateaus(given: list[str]) -> dict[str, list[float]]:
+    """Angles by joint, as `--plateaus` gives them.
+
+    Raises:
+        InputError: One is not written as it must be, or a joint is given twice.
+    """
+    from testbench.exceptions import InputError
+
+    found: dict[str, list[float]] = {}
+    for text in given:
+        joint, _, angles = text.partition("=")
+        try:
+            values = [float(angle) for angle in angles.split(",")]
+        except ValueError:
+            values = []
+        if not joint.strip() or not values or joint.strip() in found:
+            raise InputError(
+                f"--plateaus {text}: write it once a joint, as JOINT=DEG,DEG,..., e.g. "
+                "elbow=30.1,17.2,29.5"
+            )
+        found[joint.strip()] = values
+    return found
+
+
+def injected_errors(given: list[str]) -> list[InjectedError]:
+    """Errors to put into a recording, as `--inject` gives them.
+
+    Raises:
+        InputError: One is not written as it must be.
+    """
+    from testbench.exceptions import InputError
+    from testbench.records.specs.injected_error import InjectedError
+
+    found = []
+    for text in given:
+        whose, _, angles = text.partition("=")
+        sensor, dot, start = whose.strip().partition(".")
+        try:
+            off = [float(angle) for angle in angles.split(",")]
+        except ValueError:
+            off = []
+        if not sensor or start not in ("start" if dot else "",) or len(off) != 3:
+            raise InputError(
+                f"--inject {text}: write it as SENSOR=YAW,PITCH,ROLL or "
+                "SENSOR.start=YAW,PITCH,ROLL, e.g. forearm.start=0,0,5"
+            )
+        found.append(
+            InjectedError(sensor=sensor, of="start" if start else "sensor", yaw_pitch_roll_deg=off)
+        )
+    return found
 
 
 def complete_protocol(incomplete: str) -> list[str]:
@@ -54,6 +107,24 @@ FiltersOption = Annotated[
     typer.Option(
         "--filters",
         help="Orientation filters, separated by commas: names, or path/to/file.py:ClassName.",
+    ),
+]
+PlateausOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--plateaus",
+        metavar="JOINT=DEG,DEG,...",
+        help="Angles that a person read while the joint was held still, plateau by plateau; may be "
+        "repeated.",
+    ),
+]
+InjectOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--inject",
+        metavar="SENSOR[.start]=YAW,PITCH,ROLL",
+        help="Put an error into a sensor's orientation, or into the orientation that its segment "
+        "is believed to start in, in degrees; nothing is written then. May be repeated.",
     ),
 ]
 SetOption = Annotated[

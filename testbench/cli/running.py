@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from testbench.cli.auditing import say_axes, say_timing
 from testbench.cli.describing import say_description
 from testbench.cli.options import (
     PROTOCOL,
@@ -161,6 +162,10 @@ def _finish(result: Result, json: bool, table: bool) -> None:
     else:
         report = str(result.report) if result.report else None
         say_description(result.evaluation)
+        if not result.estimate.joints and not result.estimate.chain:
+            # a protocol that asks of sensors alone: which axis is which, and when it was read
+            say_timing(result.estimate.sensors)
+            say_axes(result.estimate.sensors)
         say_evaluation(
             result.evaluation, str(result.session.path), report, result.session.simulated, table
         )

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from testbench.cli.options import JsonOption
+from testbench.cli.options import JsonOption, NoVerifyOption
 from testbench.cli.output import say, say_json, say_table, teller
 
 if TYPE_CHECKING:
-    from testbench.records.results.study import StudyRecord, StudyTable
+    from testbench.records.results.study import StudyRecord, StudyTable, Value
     from testbench.studies import Study
     from testbench.studies.bench import StudyBench
 
@@ -48,7 +49,23 @@ def study(
         str | None,
         typer.Option(
             "--protocol",
-            help="Another protocol in place of the study's own; reference-4 takes one.",
+            help="Another protocol in place of the study's own; the published column is left out.",
+        ),
+    ] = None,
+    session: Annotated[
+        Path | None,
+        typer.Option(
+            "--session",
+            help="Recording to ask instead of running anything; the published column is left out.",
+        ),
+    ] = None,
+    no_verify: NoVerifyOption = False,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--option",
+            metavar="NAME=VALUE",
+            help="Option of the study, such as every=2; --list names them.",
         ),
     ] = None,
     reproduce: Annotated[
@@ -66,7 +83,7 @@ def study(
     from testbench.studies import STUDIES, wanted_studies
 
     if listed:
-        return _say_list({study.name: study.description for study in STUDIES.values()}, json)
+        return _say_list(list(STUDIES.values()), json)
     if (name is None) != reproduce:
         known = ", ".join(STUDIES)
         raise InputError(
@@ -76,7 +93,16 @@ def study(
     from testbench.pipeline.request import StudyRequest
     from testbench.studies.bench import StudyBench
 
-    asked = StudyRequest(name=name, protocol=protocol, seed=seed, parts=parts, logs=str(logs))
+    asked = StudyRequest(
+        name=name,
+        protocol=protocol,
+        session=None if session is None else str(session),
+        verify=not no_verify,
+        seed=seed,
+        parts=parts,
+        logs=str(logs),
+        options=_options(option or []),
+    )
     studies = wanted_studies(asked)
     bench = StudyBench.of(asked, SystemClock(), teller(json))
     if name is None:
@@ -117,19 +143,47 @@ def _reproduce(studies: list[Study], bench: StudyBench, json: bool) -> None:
         say_json({"studies": done})
 
 
-def _say_list(studies: dict[str, str], json: bool) -> None:
+def _options(given: list[str]) -> dict[str, str]:
+    """Options by name, as `--option` gives them.
+
+    Raises:
+        InputError: One is no NAME=VALUE, or is given twice.
+    """
+    from testbench.exceptions import InputError
+
+    options: dict[str, str] = {}
+    for each in given:
+        name, sign, value = (part.strip() for part in each.partition("="))
+        if not (name and sign and value) or name in options:
+            raise InputError(f"--option {each}: write it once, as NAME=VALUE, e.g. every=2")
+        options[name] = value
+    return options
+
+
+def _say_list(studies: list[Study], json: bool) -> None:
     if json:
-        say_json(
-            {"studies": [{"name": name, "description": text} for name, text in studies.items()]}
-        )
-    else:
-        say_table(
-            "Studies", ["name", "description"], [[name, text] for name, text in studies.items()]
-        )
+        entries = [
+            {
+                "name": study.name,
+                "description": study.description,
+                "takes": list(study.takes),
+                "options": dict(study.options),
+            }
+            for study in studies
+        ]
+        return say_json({"studies": entries})
+    rows: list[list[object]] = [
+        [study.name, study.description, " or ".join(study.takes) or "-"] for study in studies
+    ]
+    say_table("Studies", ["name", "description", "own data that it takes"], rows)
+    for study in studies:
+        for option, meaning in study.options.items():
+            say(f"{study.name} --option {option}=...: {meaning}")
+    return None
 
 
 def _say_study(record: StudyRecord) -> None:
-    say(f"{record.title}, beside {record.source}")
+    say(f"{record.title}, {'beside' if record.beside_published else 'after'} {record.source}")
     for table in record.tables:
         _say_study_table(table)
     for finding in record.findings:
@@ -148,11 +202,32 @@ def _say_study(record: StudyRecord) -> None:
 def _say_study_table(table: StudyTable) -> None:
     rows: list[list[object]] = []
     for row in table.rows:
+        printed = [
+            _with_spread(value, sd)
+            for value, sd in zip_longest(row.published, row.published_spread)
+        ]
         if row.published_alone:
-            rows.append([f"{row.label}, published", *row.published])
+            rows.append([f"{row.label}, {row.published_title}", *printed])
             continue
-        rows.append([row.label, *row.values])
+        ours = [_with_spread(value, sd) for value, sd in zip_longest(row.values, row.spread)]
+        rows.append([row.title, *ours])
         if row.published:
-            rows.append(["  published", *row.published])
+            rows.append([f"  {row.published_title}", *printed])
     title = f"Table {table.table}: {table.caption}" if table.table else table.caption
+    if table.spread:
+        title += f" (± {table.spread})"
     say_table(title, ["", *table.columns], rows)
+    for reason in table.reasons:
+        say(f"{reason.verdict}: {reason.claim}")
+
+
+def _with_spread(value: Value, sd: Value) -> Value:
+    """A value as it is, or with its spread and no finer than that."""
+    if not isinstance(value, int | float) or not isinstance(sd, int | float):
+        return value
+    from testbench.records.results.numbers import decimals_by
+
+    decimals = decimals_by(sd)
+    if decimals is None:
+        return value
+    return f"{value:.{decimals}f} ± {sd:.{decimals}f}"

@@ -36,9 +36,11 @@ from testbench.records.session.layout import (
 from testbench.records.session.plan import Plan
 from testbench.records.session.samples import IMU_NOTES, TABLE_UNITS, ArmSamples, ImuSamples
 from testbench.records.session.session import Event, RunStatus, Session, step_events
-from testbench.records.session.session_writer import SessionWriter
+from testbench.records.session.session_writer import FolderTaken, SessionWriter
 
 ARM_NOTES = {"content": "joint angles sent and measured", **TABLE_UNITS}
+MOST_ATTEMPTS = 100
+"""At a folder of one's own, where other runs begin in the same second."""
 NOTHING_YET = "nothing was recorded; make room, then run it again"
 KEPT = "nothing of the recording is lost; make room, then `testbench run --resume {}`"
 
@@ -72,7 +74,7 @@ class Recorder(ABC):
             except BaseException:
                 self._writer.abandon()
                 raise
-            if not (path / MANIFEST).is_file():
+            if not (self.path / MANIFEST).is_file():
                 self._writer.announce()
         self._synced_ns = clock.monotonic_ns()
 
@@ -235,6 +237,25 @@ class RunRecorder(Recorder):
         resumed = self.options.resumed
         return self._new() if resumed is None else self._again(resumed)
 
+    def _claimed(self, details: dict[str, Any]) -> SessionWriter:
+        """A new session in a folder that no other run took in the same second."""
+        spec = self.plan.protocol.spec
+        for attempt in range(MOST_ATTEMPTS):
+            try:
+                return SessionWriter(
+                    self.path,
+                    spec.analysis(),
+                    {name: imu.describe() for name, imu in self.imus.items()},
+                    self.clock.utc(),
+                    details,
+                    announced=False,
+                )
+            except FolderTaken:
+                if self.options.session_name is not None or attempt == MOST_ATTEMPTS - 1:
+                    raise
+                self.path = dated_folder(self.path.parent, spec.name, self.clock)
+        raise AssertionError("the last attempt ends the loop")
+
     def _new(self) -> SessionWriter:
         """A new session; its folder becomes one when everything is in it."""
         plan, spec, simulated = self.plan, self.plan.protocol.spec, self.sensors.are_simulated
@@ -261,14 +282,7 @@ class RunRecorder(Recorder):
         }
         if self.sensors.environment is not None:
             details["environment"] = self.sensors.environment
-        writer = SessionWriter(
-            self.path,
-            spec.analysis(),
-            {name: imu.describe() for name, imu in self.imus.items()},
-            self.clock.utc(),
-            details,
-            announced=False,
-        )
+        writer = self._claimed(details)
         writer.add_text(PROTOCOL, plan.protocol.document.text)
         for name, text in plan.protocol.texts().items():
             if name != plan.protocol.document.file.name:

@@ -107,6 +107,7 @@ class Recording:
             clock may come from another file [ns].
         texts: Files that the session keeps verbatim, by name.
         angles: True angles of joints, by name of the joint.
+        simulated: Whether its sensors are models.
     """
 
     name: str
@@ -120,6 +121,7 @@ class Recording:
     origin_ns: int | None = None
     texts: dict[str, str] = field(default_factory=dict)
     angles: dict[str, ImportedAngles] = field(default_factory=dict)
+    simulated: bool = False
 
 
 def write_recording(
@@ -161,6 +163,7 @@ def write_recording(
         "recorded_by": recording.recorded.source if recording.recorded else None,
         "protocol": {"name": recording.name, "purpose": recording.purpose},
         **_true_angles(recording),
+        **({"simulated_sensors": True} if recording.simulated else {}),
     }
     with _kept_whole(out) as folder:
         writer = SessionWriter(

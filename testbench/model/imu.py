@@ -64,12 +64,17 @@ class TriadModel:
         rate: Output rate [Hz].
         seed: Of the run.
         *labels: Name this triad; they select its random numbers.
+        part: Name, in place of the first label, that its lasting errors are drawn by: several
+            sensors of one name are one device.
     """
 
-    def __init__(self, triad: TriadParameters, rate: float, seed: int, *labels: str):
+    def __init__(
+        self, triad: TriadParameters, rate: float, seed: int, *labels: str, part: str | None = None
+    ):
         self.triad = triad
+        device = labels if part is None else (part, *labels[1:])
         self.errors = TriadErrors.draw(
-            triad, random_stream(seed, *labels, "part"), random_stream(seed, *labels, "thermal")
+            triad, random_stream(seed, *device, "part"), random_stream(seed, *device, "thermal")
         )
         interval = 1.0 / rate
         self._bias = GaussMarkov(

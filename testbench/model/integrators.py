@@ -6,7 +6,10 @@ s(h w_1, ..., h w_m), with the rate w_i at the fraction c_i of the step.
 
 Euler, Heun and the classical Runge-Kutta method are those of Hairer, Norsett & Wanner, Solving
 Ordinary Differential Equations I, 1993, section II.1; their quaternion does not stay of unit
-length, and is scaled back only where a method says so. The Crouch-Grossman method and the
+length, and is scaled back only where a method says so. The implicit trapezoid, Tustin's or the
+bilinear rule, asks for the slope at the end as well and solves for it, which a linear equation
+allows in closed form; it keeps |q|^2 (1 + (h |w| / 4)^2), so that a turn from rest to rest ends at
+the length it began with. The Crouch-Grossman method and the
 exponential midpoint rule are products of rotations and keep the length: Crouch & Grossman,
 Numerical integration of ordinary differential equations on manifolds, J. Nonlinear Science 3, 1993;
 the coefficients of order 4 with five stages are those of Jackiewicz, Marthinsen & Owren,
@@ -24,7 +27,7 @@ from numba import njit
 
 from testbench.exceptions import InputError, NotFoundError
 
-EULER, HEUN, RK4, CG4, MIDPOINT = range(5)
+EULER, HEUN, RK4, CG4, MIDPOINT, TUSTIN = range(6)
 CG4_B = (
     0.1370831520630755,
     -0.0183698531564020,
@@ -178,7 +181,16 @@ INTEGRATORS = {
             2,
             False,
             False,
-            f"trapezoid (Tustin) with Euler's predictor, Heun; {_HNW}",
+            f"trapezoid with Euler's predictor, Heun, explicit; {_HNW}",
+        ),
+        Integrator(
+            "tustin",
+            TUSTIN,
+            (0.0, 1.0),
+            2,
+            False,
+            False,
+            f"implicit trapezoid, Tustin's or the bilinear rule; {_HNW}, section II.7",
         ),
         Integrator("rk4", RK4, (0.0, 0.5, 1.0), 4, False, False, f"classical Runge-Kutta; {_HNW}"),
         Integrator(
@@ -283,7 +295,7 @@ def step_quaternion(scheme: int, w: np.ndarray, h: float, work: np.ndarray, s: n
     """The quaternion that one step multiplies with on the right.
 
     Args:
-        scheme: EULER, HEUN, RK4, CG4 or MIDPOINT.
+        scheme: EULER, HEUN, RK4, CG4, MIDPOINT or TUSTIN.
         w: Rates at its nodes, shape (stages, 3) [rad/s].
         h: Step [s].
         work: Shape (5, 4), overwritten.
@@ -316,6 +328,17 @@ def step_quaternion(scheme: int, w: np.ndarray, h: float, work: np.ndarray, s: n
             b = CG4_B[i] * h  # exp(b1 h w1) exp(b2 h w2) ...: rates that do not depend on q
             _exponential(b * w[i, 0], b * w[i, 1], b * w[i, 2], work[0])
             multiply_into(s, work[0], s)
+    elif scheme == TUSTIN:
+        # q' (1, -h w1 / 4) = q (1, h w0 / 4), and the inverse of (1, -v) is (1, v) / (1 + |v|^2)
+        grown = 1.0
+        for j in range(3):
+            s[j + 1] = 0.25 * h * w[0, j]
+            work[0, j + 1] = 0.25 * h * w[1, j]
+            grown += work[0, j + 1] ** 2
+        work[0, 0] = 1.0
+        multiply_into(s, work[0], s)
+        for j in range(4):
+            s[j] /= grown
     else:
         _exponential(h * w[0, 0], h * w[0, 1], h * w[0, 2], s)
 
@@ -327,7 +350,7 @@ def run_steps(
     """Orientation after every step; the compiled loop of `Integrator.steps`.
 
     Args:
-        scheme: EULER, HEUN, RK4, CG4 or MIDPOINT.
+        scheme: EULER, HEUN, RK4, CG4, MIDPOINT or TUSTIN.
         stages: Angular rate in the body at the nodes of each step, shape (n, stages, 3) [rad/s].
         h: Length of a step [s].
         start: q_start_from_body before the first step, shape (4,).

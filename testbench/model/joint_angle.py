@@ -81,6 +81,25 @@ def joint_rotation(
     return rotation.multiply(rotation.conjugate(q_world_from_proximal), q_world_from_distal)
 
 
+def joint_rotation_in_world(
+    q_world_from_proximal: np.ndarray, q_world_from_distal: np.ndarray
+) -> np.ndarray:
+    """q_world_from_distal conj(q_world_from_proximal): the same rotation, written in the world.
+
+    The program of Castellanos Alonso 2023 (annex H) multiplies in this order. Its angles are those
+    of the joint only where the world's axes are the segment's, and a heading that both sensors
+    share turns them.
+
+    Args:
+        q_world_from_proximal: Of the proximal segment, shape (n, 4).
+        q_world_from_distal: Of the distal segment, shape (n, 4).
+
+    Returns:
+        Shape (n, 4).
+    """
+    return rotation.multiply(q_world_from_distal, rotation.conjugate(q_world_from_proximal))
+
+
 def joint_angles(
     q_world_from_proximal: np.ndarray,
     q_world_from_distal: np.ndarray,
@@ -96,8 +115,10 @@ def joint_angles(
     Returns:
         Each sample by itself, in the principal ranges, shape (n, 3) [rad].
     """
+    in_world = isinstance(definition, FlexionAngle) and definition.seen_from == "world"
+    put_together = joint_rotation_in_world if in_world else joint_rotation
     return decomposition_of(definition).angles(
-        joint_rotation(q_world_from_proximal, q_world_from_distal)
+        put_together(q_world_from_proximal, q_world_from_distal)
     )
 
 

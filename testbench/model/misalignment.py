@@ -99,11 +99,13 @@ def misalignment_errors(
     flexion: np.ndarray,
     misalignment: np.ndarray,
     flexion_about: AxisName = "Y",
+    which: Literal["proximal", "distal"] = "proximal",
 ) -> np.ndarray:
-    """Errors of all three angles when the proximal segment is misaligned and the distal one flexes.
+    """Errors of all three angles when one segment is misaligned at the start and the distal one
+    flexes.
 
-    By quaternions (eq. 2.18). The segments start level and agree; the proximal one is taken to be
-    turned by the misalignment, and stays where it is.
+    By quaternions (eqs 2.18, 2.20). The segments start level and agree; one of them is taken to be
+    turned by the misalignment.
 
     Args:
         definition: An Euler sequence, or any definition.
@@ -111,6 +113,7 @@ def misalignment_errors(
         flexion: Shape (f,) [rad].
         misalignment: Shape (d,) [rad].
         flexion_about: Axis of the flexion in the segments.
+        which: The segment that is misaligned.
 
     Returns:
         Estimated less true angles, in ±180 degrees, shape (f, d, 3) [rad]; NaN where one is not
@@ -120,9 +123,39 @@ def misalignment_errors(
     level = np.tile(rotation.IDENTITY, (len(bent), 1))
     q_forearm = rotation.from_rotation_vector(bent[:, None] * AXES[flexion_about])
     q_wrong = rotation.multiply(level, rotation.from_rotation_vector(turned[:, None] * AXES[about]))
-    estimated = joint_from_start_pose(level, q_forearm, level, level, q_wrong, level)
+    starts = (q_wrong, level) if which == "proximal" else (level, q_wrong)
+    estimated = joint_from_start_pose(level, q_forearm, level, level, *starts)
     shape = (len(np.atleast_1d(flexion)), len(np.atleast_1d(misalignment)), 3)
     return _angle_errors(definition, estimated, q_forearm).reshape(shape)
+
+
+def start_pose_errors(
+    definition: str | FlexionAngle,
+    flexion: np.ndarray,
+    yaw_pitch_roll: tuple[float, float, float] | np.ndarray,
+    flexion_about: AxisName = "Y",
+    which: Literal["proximal", "distal"] = "proximal",
+) -> np.ndarray:
+    """Errors of all three angles when one segment starts off in yaw, pitch and roll together.
+
+    Args:
+        definition: An Euler sequence, or any definition.
+        flexion: Shape (f,) [rad].
+        yaw_pitch_roll: By which the start pose is wrong (eq. 2.19), shape (3,) [rad].
+        flexion_about: Axis of the flexion in the segments.
+        which: The segment.
+
+    Returns:
+        As for `misalignment_errors`, shape (f, 3) [rad].
+    """
+    bent = np.atleast_1d(flexion).astype(float)
+    level = np.tile(rotation.IDENTITY, (len(bent), 1))
+    q_forearm = rotation.from_rotation_vector(bent[:, None] * AXES[flexion_about])
+    yaw, pitch, roll = (np.full(len(bent), value) for value in yaw_pitch_roll)
+    q_wrong = with_errors(level, yaw, pitch, roll)
+    starts = (q_wrong, level) if which == "proximal" else (level, q_wrong)
+    estimated = joint_from_start_pose(level, q_forearm, level, level, *starts)
+    return _angle_errors(definition, estimated, q_forearm)
 
 
 def sensor_errors(

@@ -45,9 +45,10 @@ def told_angles(
         return found, said
     q = decomposition_of(definition).rotation(own[known])
     level = np.zeros_like(q)
-    level[:, 0] = 1.0
+    level[:, 0] = 1.0  # of a level proximal segment both orders are the same
     for other in definition.definitions():
-        if other.label != definition.label:
+        # by how the segments lie in the world alone one of these orders follows from the other
+        if other.label != definition.label and other.seen_from == definition.seen_from:
             found[other.label] = np.full(own.shape, np.nan)
             found[other.label][known] = joint_angle_series(level, q, other)
     return found, said

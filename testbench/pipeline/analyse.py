@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from testbench.estimation.injected import with_injected
 from testbench.evaluation import evaluate
+from testbench.evaluation.plateaus import plateau_rows
 from testbench.formats.exporters import Exported
 from testbench.pipeline.exports import export_estimate
 from testbench.pipeline.kept_estimate import load_or_estimate
@@ -15,10 +18,12 @@ from testbench.pipeline.repeats import judged_with_repeats
 from testbench.pipeline.request import AnalysisRequest
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
+from testbench.records.results.evaluation_rows import PlateauRow
 from testbench.records.session.layout import REPORT
 from testbench.records.session.plan import Plan
 from testbench.records.session.session import Session
 from testbench.records.session.session_lock import session_locked
+from testbench.records.specs.injected_error import InjectedError
 
 
 @dataclass(frozen=True)
@@ -79,6 +84,53 @@ def analyse(
     page = _report(session, estimated, evaluated) if loaded.asked.report else None
     exports = [export_estimate(session, wanted, estimated) for wanted in loaded.asked.exports]
     return Result(plan, session, estimated, evaluated, page, exports)
+
+
+def examine(
+    session: Session,
+    asked: AnalysisRequest | None = None,
+    injected: Sequence[InjectedError] = (),
+) -> Result:
+    """Estimate and evaluate, and write nothing: what is kept in the session stays as it is.
+
+    Args:
+        session: The recording.
+        asked: How; as the protocol says if None.
+        injected: Errors that are put into the estimated orientations first.
+
+    Raises:
+        InputError: As for `analyse`, or an error cannot be put in.
+    """
+    loaded = load_analysis(asked or AnalysisRequest())
+    estimated = loaded.estimate(session)
+    if injected:
+        filters = loaded.choose(loaded.settings(session))
+        estimated = with_injected(session, estimated, injected, filters)
+    evaluated = evaluate(session, estimated, loaded.settings(session))
+    return Result(None, session, estimated, evaluated, None)
+
+
+def judge_plateaus(
+    session: Session,
+    asked: AnalysisRequest,
+    injected: Sequence[InjectedError],
+    typed: Mapping[str, Sequence[float]],
+) -> list[PlateauRow]:
+    """A recording's joints beside angles that a person typed in, plateau by plateau.
+
+    Args:
+        session: The recording.
+        asked: How it is analysed.
+        injected: Errors that are put into the estimated orientations first.
+        typed: Angles by joint [deg]; nothing is estimated where there are none.
+
+    Raises:
+        NotFoundError: No such joint.
+        InputError: There are not as many plateaus as angles.
+    """
+    if not typed:
+        return []
+    return plateau_rows(session, examine(session, asked, injected).estimate, typed)
 
 
 @session_locked

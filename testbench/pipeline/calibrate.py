@@ -10,6 +10,7 @@ import numpy as np
 
 from testbench.clock import utc_name
 from testbench.estimation.calibration.session_calibration import calibrate as calibrate_sensor
+from testbench.estimation.calibration.turns import TurnSettings
 from testbench.exceptions import InputError
 from testbench.pipeline.request import CalibrationRequest
 from testbench.records.results.calibration_file import SUFFIXES, save_calibration
@@ -56,7 +57,13 @@ def calibrate(session: Session, asked: CalibrationRequest) -> MadeCalibration:
         asked.segmentation,
         [open_for_analysis(path, asked.verify) for path in asked.held_out],
         None if asked.field_ut is None else np.array(asked.field_ut),
-        None if asked.turn_deg is None else float(np.radians(asked.turn_deg)),
+        TurnSettings(
+            None if asked.turn_deg is None else float(np.radians(asked.turn_deg)),
+            asked.integrator,
+            asked.stages,
+            asked.g_sensitivity,
+            asked.every,
+        ),
     )
     software = f"testbench {version('imu-testbench')}"
     result = replace(result, calibration=replace(result.calibration, software=software))

@@ -13,6 +13,7 @@ from typing import Literal
 from pydantic import Field
 
 from testbench.drivers.arms.catalogue import SIM
+from testbench.model.integrators import Stages
 from testbench.records.specs.asked import Asked, Place
 from testbench.records.specs.strict import EulerSequence
 
@@ -180,6 +181,24 @@ class CalibrationRequest(Asked):
         description="Of ferraris_gyroscope: angle of the largest turn about each axis [deg]; "
         "negative: clockwise, against the axis.",
     )
+    integrator: str | None = Field(
+        default=None,
+        description="Of the turns, by gravity_turns or attitude, as `testbench.model.integrators` "
+        "names it; rk4 if null.",
+    )
+    stages: Stages | None = Field(
+        default=None,
+        description="Where its rates inside a step come from; measured in the middle where the "
+        "integrator gains by it if null.",
+    )
+    g_sensitivity: bool | None = Field(
+        default=None,
+        description="Whether the response to specific force is fitted too; by attitude alone if "
+        "null.",
+    )
+    every: int = Field(
+        default=1, ge=1, description="Only one sample of so many of each turn is taken."
+    )
     report: bool = Field(default=True, description="Whether to write an HTML report beside it.")
     verify: bool = Field(
         default=True,
@@ -200,6 +219,33 @@ class NoiseRequest(Asked):
         description="Preset, by name or file, that gives what a rest cannot show, such as ranges; "
         "that of the session's protocol if null.",
     )
+
+
+class AuditRequest(Asked):
+    """What is asked of the sensors of a recording by themselves."""
+
+    sensor: str | None = Field(default=None, description="Its name; all if null.")
+    faces: tuple[str, ...] = Field(
+        default=(),
+        description="Which axis of the part pointed up in each rest, such as `+z`, in their order.",
+    )
+    least_rest_s: float = Field(
+        default=1.0, gt=0, description="Shortest rest that counts as one on a face [s]."
+    )
+
+
+class SimulateRequest(Asked):
+    """Sensors that ride on a motion that a file holds."""
+
+    motion: Place = Field(description="File of poses over time, .csv or .npz.")
+    out: Place = Field(description="Folder of the session, to be made.")
+    preset: str = Field(
+        default="xsens_dot", description="Data sheet of every sensor, by name or file."
+    )
+    sensors: tuple[str, ...] = Field(
+        default=(), description="Data sheets of single bodies, each `BODY=PRESET`."
+    )
+    seed: int = Field(default=0, ge=0, description="Of the sensors that are drawn.")
 
 
 class GaitRequest(Asked):
@@ -296,10 +342,22 @@ class StudyRequest(Asked):
     protocol: Place | None = Field(
         default=None, description="File, or the name of one that ships; the study's own if null."
     )
+    session: Place | None = Field(
+        default=None,
+        description="Recording to ask instead of running anything; nothing is written into it.",
+    )
+    verify: bool = Field(
+        default=True,
+        description="Whether raw files of the session are compared with the hashes of its manifest "
+        "first.",
+    )
     seed: int = Field(default=0, ge=0, description="Of the first simulated part.")
     parts: int = Field(default=5, ge=1, description="How many simulated parts.")
     logs: Place = Field(
         default="logs", description="Folder that the sessions and the study are kept in."
+    )
+    options: dict[str, str] = Field(
+        default={}, description="Of the study, by name; `testbench study --list` names them."
     )
 
 

@@ -15,6 +15,7 @@ from testbench.records.results.study import (
     StudyBoxes,
     StudyCurves,
     StudyRecord,
+    StudyRow,
     StudySurface,
     StudyTable,
     Value,
@@ -33,15 +34,20 @@ from testbench.reporting.page.tables import (
     powers_of_ten,
     ratio,
     significant,
+    significant_digits,
     text,
+    to_uncertainty,
 )
 
 FILE = "report.html"
+MOST_ANSWERING = 4
+"""More figures stand behind the tables."""
 MOST_OPEN = 12
 """A table of more sessions is folded."""
 SYMBOLS = ("circle", "diamond", "square", "triangle-up", "star", "hexagon")
 """Of measurements, filter by filter; simulation has `SIMULATED`."""
 SIMULATED = "circle-open"
+POINTS = ("simulation", "measurement", "published")
 MOST_POINTS = 100
 """A curve with more is a series over time and drawn as a line."""
 SMALLEST_FIXED = 1e-3
@@ -73,9 +79,12 @@ def render_study(study: StudyRecord, folder: Path | None = None) -> str:
     sections = [_answer(study)]
     for i, table in enumerate(study.tables):
         blocks: list[Block] = [_table(table)]
-        sections.append(
-            Section(f"table{i}", table.title, blocks + ([Sentence(table.why)] if table.why else []))
-        )
+        blocks += [Sentence(table.why)] if table.why else []
+        blocks += [_reasons(table)] if table.reasons else []
+        sections.append(Section(f"table{i}", table.title, blocks))
+    further = _figures(study)[MOST_ANSWERING:]
+    if further:
+        sections.append(Section("figures", "Further figures", further))
     sections.append(_provenance(study, folder))
     return render_page(
         Page(
@@ -85,9 +94,17 @@ def render_study(study: StudyRecord, folder: Path | None = None) -> str:
             facts=_facts(study),
             tiles=[],
             sections=sections,
-            footer=f"Rows in italics: {study.source}, as printed. Ratio: ours divided by the "
-            "published value.",
+            footer=_footer(study),
         )
+    )
+
+
+def _footer(study: StudyRecord) -> str:
+    if not study.beside_published:
+        return f"The method is that of {study.source}; the data are not theirs."
+    return (
+        f"Rows in italics: {study.source}, as printed. Ratio: ours divided by the published value, "
+        "where both are of one definition."
     )
 
 
@@ -99,7 +116,7 @@ def _facts(study: StudyRecord) -> list[tuple[str, str]]:
     ]
     return [
         ("Study", study.name),
-        ("Beside", study.source),
+        ("Beside" if study.beside_published else "After", study.source),
         ("Started", utc_shown(datetime.fromisoformat(study.started_utc))),
         *settings,
     ]
@@ -107,20 +124,26 @@ def _facts(study: StudyRecord) -> list[tuple[str, str]]:
 
 def _answer(study: StudyRecord) -> Section:
     blocks: list[Block] = [Sentence(finding) for finding in study.findings]
-    blocks.append(
-        Sentence(
-            "Ours are simulated: models of the arm and of the sensor, with errors drawn from the "
-            "data sheet."
+    if study.simulated:
+        blocks.append(
+            Sentence(
+                "Ours are simulated: models of the arm and of the sensor, with errors drawn from "
+                "the data sheet."
+            )
         )
-    )
-    blocks += [_figure(figure) for figure in study.figures]
+    return Section("answer", "Answer", blocks + _figures(study)[:MOST_ANSWERING])
+
+
+def _figures(study: StudyRecord) -> list[Block]:
+    """All of them: box plots, curves, surfaces."""
+    blocks: list[Block] = [_figure(figure) for figure in study.figures]
     blocks += [
         Figures(curves.caption, {curves.caption: draw_curves(curves)}, curves.how)
         for curves in study.curves
     ]
     for axis in dict.fromkeys(surface.z_axis for surface in study.surfaces):
         blocks.append(_surfaces([surface for surface in study.surfaces if surface.z_axis == axis]))
-    return Section("answer", "Answer", blocks)
+    return blocks
 
 
 def draw_curves(curves: StudyCurves) -> Figure:
@@ -135,10 +158,12 @@ def draw_curves(curves: StudyCurves) -> Figure:
     drawn = []
     for curve in curves.curves:
         group = curve.group or curve.name
-        points = curve.kind in ("simulation", "measurement") and len(curve.x) <= MOST_POINTS
+        points = curve.kind in POINTS and len(curve.x) <= MOST_POINTS
         mode = "lines+markers" if curves.plane and points else "markers" if points else "lines"
         measured = [
-            c for c in curves.curves if c.kind == "measurement" and (c.group or c.name) == group
+            c
+            for c in curves.curves
+            if c.kind in ("measurement", "published") and (c.group or c.name) == group
         ]
         symbol = SYMBOLS[measured.index(curve) % len(SYMBOLS)] if curve in measured else SIMULATED
         drawn.append(
@@ -205,16 +230,18 @@ def _table(table: StudyTable) -> Table:
     for row in table.rows:
         ours = [] if compared is None else [ratio(row.ratio(compared))]
         printed = [
-            _as_printed(value, own) for value, own in zip(row.published, words, strict=False)
+            _printed_with(value, sd, own)
+            for value, sd, own in zip(
+                row.published, row.published_spread or (None,) * len(words), words, strict=False
+            )
         ]
         if row.published_alone:
-            rows.append(Row([label(row.label, row.note), *printed, *ours], kind="published"))
+            rows.append(Row([label(row.title, row.note), *printed, *ours], kind="published"))
             continue
-        rows.append(Row([label(row.label, row.note), *_cells(table, row.values, words), *ours]))
+        rows.append(Row([label(row.title, row.note), *_cells(table, row, words), *ours]))
         if row.published:
-            rows.append(
-                Row([label("published"), *printed, *(Cell("") for _ in ours)], kind="published")
-            )
+            beneath = [label(row.published_title), *printed, *(Cell("") for _ in ours)]
+            rows.append(Row(beneath, kind="published"))
     columns = [Cell("")]
     columns += [
         Cell(title, kind="" if own else "number")
@@ -225,7 +252,37 @@ def _table(table: StudyTable) -> Table:
     beside = (
         f" (beside table{'s' if ' ' in table.table else ''} {table.table})" if table.table else ""
     )
-    return Table(table.caption + beside, columns, rows, table.how)
+    return Table(table.caption + beside, columns, rows, f"{table.how}{_spreads(table)}")
+
+
+def _spreads(table: StudyTable) -> str:
+    """What stands behind the signs ± of a table."""
+    ours = f" ± is the {table.spread}." if table.spread else ""
+    theirs = f" Published: ± is the {table.published_spread}." if table.published_spread else ""
+    return ours + theirs
+
+
+def _reasons(table: StudyTable) -> Table:
+    """Why ours and the published values may differ, and what runs say of it."""
+    rows = [
+        Row([label(reason.verdict), text(reason.claim, kind="wide"), text(reason.run, kind="wide")])
+        for reason in table.reasons
+    ]
+    return Table(
+        "Why they differ",
+        [Cell(""), Cell("reason"), Cell("shown by")],
+        rows,
+        "How to read: shown and refuted are what a run of this study says; a candidate could be "
+        "it, and nothing tells it from others; open is what nobody has run.",
+    )
+
+
+def _printed_with(value: Value, sd: Value, among_words: bool) -> Cell:
+    """A published value with its spread, both as printed."""
+    cell = _as_printed(value, among_words)
+    if not isinstance(sd, int | float):
+        return cell
+    return Cell(f"{cell.text} ± {_as_printed(sd, False).text}", kind="number")
 
 
 def _as_printed(value: Value, among_words: bool) -> Cell:
@@ -247,10 +304,15 @@ def _word(value: str | None, among_words: bool) -> Cell:
     )
 
 
-def _cells(table: StudyTable, values: tuple[Value, ...], words: list[bool]) -> list[Cell]:
+def _cells(table: StudyTable, row: StudyRow, words: list[bool]) -> list[Cell]:
     cells = []
-    for i, value in enumerate(values):
-        if isinstance(value, int | float):
+    for i, value in enumerate(row.values):
+        sd = row.spread[i] if row.spread else None
+        if isinstance(value, int | float) and isinstance(sd, int | float):
+            cells.append(
+                Cell(f"{to_uncertainty(value, sd)} ± {significant_digits(sd, 2)}", kind="number")
+            )
+        elif isinstance(value, int | float):
             decimals = table.decimals[i] if i < len(table.decimals) else 3
             tiny = 0 < abs(value) < SMALLEST_FIXED and decimals > 5
             cells.append(significant(value, 3) if tiny else number(value, decimals))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from testbench.exceptions import InputError, NotFoundError
 
@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from testbench.pipeline.request import StudyRequest
     from testbench.records.results.study import StudyRecord
     from testbench.studies.bench import StudyBench
+
+
+Own = Literal["protocol", "session"]
+"""Data of the user's: a protocol to run, or a recording."""
 
 
 @dataclass(frozen=True)
@@ -37,28 +41,51 @@ class Study:
 
     Attributes:
         module: Has the function `run`.
-        protocol: Shipped one that another may stand in for; empty where it must be its own.
+        takes: Whose own data it takes in place of its own: those of another protocol, of a
+            recording, or of either.
+        options: What may be set of it, by name, with what it means.
     """
 
     name: str
     description: str
     module: str
-    protocol: str = ""
+    takes: tuple[Own, ...] = ()
+    options: Mapping[str, str] = field(default_factory=dict)
 
     def run(self, bench: StudyBench) -> StudyRecord:
         """Run it; its module is loaded now.
 
+        Of data of the user's there is no published column, for the publication says nothing of
+        them.
+
         Raises:
-            InputError: The bench has a protocol of its own and the study takes none.
+            InputError: The bench has a protocol or a session of the user's and the study takes
+                none.
+            NotFoundError: The study has no such option; lists those that it has.
         """
-        if bench.protocol is not None and not self.protocol:
-            takers = ", ".join(study.name for study in STUDIES.values() if study.protocol)
-            raise InputError(
-                f"study {self.name} runs its own protocols and takes no other; another is taken "
-                f"by: {takers}"
-            )
+        self._refuse(bench)
         function: Callable[[StudyBench], StudyRecord] = import_module(self.module).run
-        return replace(function(bench), name=self.name)
+        record = replace(function(bench), name=self.name)
+        if bench.session is not None:
+            from testbench.records.session.session import Session
+
+            record = replace(record, simulated=bool(Session(bench.session).simulated))
+        return record.without_published() if bench.own else record
+
+    def _refuse(self, bench: StudyBench) -> None:
+        given: dict[Own, object] = {"protocol": bench.protocol, "session": bench.session}
+        for option in bench.options:
+            if option not in self.options:
+                raise NotFoundError(f"option of {self.name}", option, list(self.options))
+        asked: list[Own] = [own for own, value in given.items() if value is not None]
+        if len(asked) > 1:
+            raise InputError("--protocol runs something, --session runs nothing: name one of them")
+        for own in asked:
+            if own not in self.takes:
+                takers = ", ".join(study.name for study in STUDIES.values() if own in study.takes)
+                raise InputError(
+                    f"study {self.name} takes no {own} but its own; another is taken by: {takers}"
+                )
 
     def keep(self, bench: StudyBench) -> KeptStudy:
         """Run it, and keep its record and its report in a folder beside the sessions.
@@ -86,9 +113,10 @@ STUDIES = {
         ),
         Study(
             "beta_zeta",
-            "The two gains of Madgwick's filter, beside the sweeps of de Miguel Pueyo 2024, and "
-            "what a true bias state gains",
+            "The two gains of Madgwick's filter on a leg, beside the sweeps of de Miguel Pueyo "
+            "2024, and what a true bias state gains",
             "testbench.studies.beta_zeta.study",
+            ("protocol", "session"),
         ),
         Study(
             "misalignment",
@@ -105,6 +133,7 @@ STUDIES = {
             "reference-2",
             "The study beta_zeta under the name of its publication, de Miguel Pueyo 2024",
             "testbench.studies.beta_zeta.study",
+            ("protocol", "session"),
         ),
         Study(
             "reference-3",
@@ -113,15 +142,16 @@ STUDIES = {
         ),
         Study(
             "reference-4",
-            "Gait cycles, path and yaw drift of a swung shank, beside Cabezuelo Gutiérrez 2019",
+            "Gait cycles, path and yaw drift of a walker, beside Cabezuelo Gutiérrez 2019",
             "testbench.studies.pedestrian.study",
-            "shank_swing",
+            ("protocol", "session"),
         ),
         Study(
             "reference-5",
             "The Kalman filter of a kinematic chain, beside tables 4.1 to 4.4 of Quijano & "
             "Valencia 2018",
             "testbench.studies.chain.study",
+            ("protocol", "session"),
         ),
     )
 }
@@ -144,13 +174,14 @@ def wanted_studies(asked: StudyRequest) -> list[Study]:
 
     Raises:
         NotFoundError: No such study; lists those that exist.
-        InputError: Those of the publications run their own protocols, and another is named.
+        InputError: Those of the publications run their own protocols, and other data are named.
     """
     if asked.name is not None:
         return [get_study(asked.name)]
-    if asked.protocol is not None:
+    if asked.protocol is not None or asked.session is not None:
         raise InputError(
-            "--reproduce runs the protocols of the publications and takes no --protocol"
+            "--reproduce runs the protocols of the publications and takes neither --protocol nor "
+            "--session"
         )
     return references()
 

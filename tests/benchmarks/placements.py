@@ -25,11 +25,19 @@ from testbench.evaluation import evaluate
 from testbench.evaluation.metrics import rms
 from testbench.records.session.session import Session
 from testbench.records.specs.shipped import shipped_folder
+from testbench.studies.chain.motions import (
+    POSITION_SD_MM,
+    ROTATION_SD_DEG,
+    Spec,
+    constant_rates,
+    half_leg,
+    two_frequencies,
+    varied,
+)
+from testbench.studies.chain.motions import displaced as displace
 from tests.benchmarks.resuming import count_of, resumed
 from tests.benchmarks.timing import Text, show
 
-ROTATION_SD_DEG, POSITION_SD_MM = 3.0, 10.0
-Spec = dict[str, Any]
 SIDE = 0.025
 """Amplitude of the lines beside each line of gait that varies, in parts of it [1]."""
 MPU6050 = {
@@ -52,52 +60,17 @@ MPU6050 = {
 }
 
 
-def _half_gait(spec: Spec, rng: np.random.Generator) -> None:
-    """The right leg alone, with four sensors."""
-    own = ("pelvis", "thigh_r", "shank_r", "foot_r")
-    spec["sensors"] = {name: spec["sensors"][name] for name in own}
-    spec["estimate"]["chain"]["sensors"] = list(own)
-
-
 def _varied_gait(spec: Spec, rng: np.random.Generator) -> None:
-    """The same with four strides to a period: each line has four beside it."""
-    _half_gait(spec, rng)
-    for one in spec["sections"][-1]["steps"][0]["sweep"].values():
-        wave = one["fourier"]
-        lines = list(zip(wave["amplitudes_deg"], wave["phases_deg"], strict=True))
-        amplitudes, phases = np.zeros(4 * len(lines) + 2), np.zeros(4 * len(lines) + 2)
-        for k, (amplitude, phase) in enumerate(lines, start=1):
-            for beside in (-2, -1, 1, 2) if amplitude else ():
-                amplitudes[4 * k + beside - 1] = amplitude * SIDE * rng.uniform(0.4, 1.6)
-                phases[4 * k + beside - 1] = rng.uniform(0, 360)
-            amplitudes[4 * k - 1], phases[4 * k - 1] = amplitude, phase
-        wave |= {
-            "amplitudes_deg": amplitudes.round(4).tolist(),
-            "phases_deg": phases.round(1).tolist(),
-            "frequency_hz": "stride_hz / 4",
-            "cycles": "strides / 4",
-            "ramp_cycles": 0.5,
-        }
-
-
-def _squat_of_two(spec: Spec, rng: np.random.Generator) -> None:
-    sweep = spec["sections"][1]["steps"][0]["sweep"]
-    sweep["knee"]["sine"] |= {"frequency_hz": 0.41, "cycles": 25}
-
-
-def _trapezoid(spec: Spec, rng: np.random.Generator) -> None:
-    spec["sections"][1]["steps"][0]["sweep"] = {
-        "knee": {"trapezoid": {"amplitude_deg": 40, "rate_deg_s": 110, "cycles": 30}}
-    }
+    varied(spec, rng, SIDE)
 
 
 MOTIONS: list[tuple[str, str, Callable[[Spec, np.random.Generator], None]]] = [
-    ("gait", "gait", _half_gait),
+    ("gait", "gait", half_leg),
     ("varied gait", "gait", _varied_gait),
-    ("gait", "gait", _half_gait),
-    ("squat of two frequencies", "squat", _squat_of_two),
-    ("gait", "gait", _half_gait),
-    ("pendulum of constant rates", "pendulum", _trapezoid),
+    ("gait", "gait", half_leg),
+    ("squat of two frequencies", "squat", two_frequencies),
+    ("gait", "gait", half_leg),
+    ("pendulum of constant rates", "pendulum", constant_rates),
 ]
 
 
@@ -116,13 +89,7 @@ def part(number: int, folder: Path, displaced: float, **chain: Any) -> Session:
     change(spec, rng)
     spec["estimate"] |= {"filters": ["gyro"]}
     spec["estimate"]["chain"] |= chain
-    for sensor in spec["sensors"].values():
-        turn, shift = rng.normal(0, ROTATION_SD_DEG, 3), rng.normal(0, POSITION_SD_MM, 3)
-        if displaced:
-            sensor["mounting_error"] = {
-                "rotation_deg": {"XYZ": (displaced * turn).round(3).tolist()},
-                "position_mm": (displaced * shift).round(2).tolist(),
-            }
+    displace(spec, rng, displaced)
     with tempfile.TemporaryDirectory() as own:
         path = Path(own) / f"{protocol}.yaml"
         path.write_text(yaml.safe_dump(spec, sort_keys=False), encoding="utf-8")

@@ -173,3 +173,23 @@ def test_an_accelerometer_that_lags_the_gyroscope_is_found_out(lag):
         np.zeros(6000, dtype=bool),
     )
     assert audit_timing(late, RATE).acc_after_gyr_ms == pytest.approx(10 * lag, abs=1.0)
+
+
+def test_the_uncertainty_of_that_lag_is_as_large_as_its_errors():
+    errors = []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        time = np.arange(3000) / RATE
+        phases = rng.uniform(0, 2 * np.pi, 4)
+        waves = zip((0.31, 0.7, 1.1, 1.9), phases, strict=True)
+        angle = sum(0.3 * np.sin(2 * np.pi * f * time + phase) for f, phase in waves)
+        rate = np.gradient(angle, time)
+        gyr = np.column_stack([rate, 0 * rate, 0 * rate]) + rng.normal(0, 0.02, (3000, 3))
+        acc = 9.80665 * np.column_stack([0 * angle, np.sin(angle), np.cos(angle)])
+        acc += rng.normal(0, 0.1, acc.shape)
+        stamp = (time * 1e9).astype(np.int64)
+        clean = np.zeros(3000, dtype=bool)
+        samples = ImuSamples(stamp, stamp, gyr, acc, None, None, np.arange(3000), clean)
+        found = audit_timing(samples, RATE)
+        errors.append(found.acc_after_gyr_ms / found.acc_after_gyr_sd_ms)
+    assert 0.5 < np.sqrt(np.mean(np.square(errors))) < 2.0

@@ -13,6 +13,7 @@ from testbench.records.specs.sensor import (
     Gyroscope,
     Magnetometer,
     TriadParameters,
+    load_preset,
 )
 
 G = 9.80665
@@ -55,6 +56,21 @@ def test_a_turn_on_bias_is_added_to_every_sample_and_differs_between_parts_as_st
     parts = np.array([measure(triad, np.zeros(3), seed)[0] for seed in range(PARTS)])
     assert parts.std() == pytest.approx(0.010 * G, rel=0.1)
     assert abs(parts.mean()) < 4 * 0.010 * G / np.sqrt(parts.size)
+
+
+def test_sensors_of_one_part_have_its_errors_and_a_noise_of_their_own():
+    """A name in place of the first label: one device at two rates."""
+    sheet = load_preset("matrix").gyroscope.triad()
+    slow, fast = (
+        TriadModel(sheet, rate, 3, name, "gyroscope", part="device")
+        for name, rate in (("slow", 25.0), ("fast", 200.0))
+    )
+    alone = TriadModel(sheet, 25.0, 3, "slow", "gyroscope")
+    for key in ("matrix", "bias", "g_matrix", "drift"):
+        np.testing.assert_array_equal(getattr(slow.errors, key), getattr(fast.errors, key))
+    assert not np.array_equal(slow.errors.bias, alone.errors.bias)
+    still = np.zeros((50, 3))
+    assert not np.array_equal(slow.measure(still)[0], fast.measure(still)[0])
 
 
 def test_a_scale_error_grows_with_the_signal_and_stays_on_its_axis():

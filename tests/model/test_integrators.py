@@ -82,6 +82,7 @@ def slopes(errors: np.ndarray) -> np.ndarray:
         ("euler", 1, [800, 1600, 3200]),
         ("euler_raw", 1, [800, 1600, 3200]),
         ("trapezoid", 2, [200, 400, 800]),
+        ("tustin", 2, [200, 400, 800]),
         ("rk4", 4, [40, 80, 160]),
         ("cg4", 4, [40, 80, 160]),
         ("midpoint", 2, [200, 400, 800]),
@@ -94,7 +95,7 @@ def test_the_error_falls_with_the_stated_order_when_the_rates_are_exact(
     assert slopes(errors_at(name, counts, reference, None)) == pytest.approx(order, abs=0.12)
 
 
-@pytest.mark.parametrize("name", ["trapezoid", "rk4", "cg4", "midpoint"])
+@pytest.mark.parametrize("name", ["trapezoid", "tustin", "rk4", "cg4", "midpoint"])
 def test_rates_that_are_interpolated_between_samples_hold_every_method_to_order_two(
     name, reference
 ):
@@ -164,6 +165,43 @@ def test_the_length_drifts_within_the_bounds_of_the_methods_at_twenty_millisecon
         and drift["trapezoid"] < 200 * z**4 / 8 + 200 * (fastest * 0.02) ** 4
     )
     assert 1e-3 < drift["euler_raw"] < 200 * z**2 / 2
+
+
+RATES = st.lists(st.tuples(*[st.floats(-60, 60)] * 3), min_size=2, max_size=12).map(np.array)
+
+
+@given(rates=RATES, step=st.floats(1e-3, 0.05))
+def test_tustin_solves_its_linear_equation(rates, step):
+    """(I - h/4 W(w1)) q1 = (I + h/4 W(w0)) q0 with the matrix W of q (0, w), solved by NumPy."""
+
+    def matrix(w):
+        return np.array(
+            [[0, *-w], [w[0], 0, w[2], -w[1]], [w[1], -w[2], 0, w[0]], [w[2], w[1], -w[0], 0]]
+        )
+
+    q = np.array([1.0, 0.0, 0.0, 0.0])
+    expected = [q]
+    for before, after in pairwise(rates):
+        q = np.linalg.solve(
+            np.eye(4) - step / 4 * matrix(after), (np.eye(4) + step / 4 * matrix(before)) @ q
+        )
+        expected.append(q)
+    found = get_integrator("tustin").integrate(rates, step)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+@given(rates=RATES, step=st.floats(1e-3, 0.05))
+def test_tustin_keeps_the_length_times_its_law(rates, step):
+    q = get_integrator("tustin").integrate(rates, step)
+    kept = np.sum(q**2, axis=1) * (1 + np.sum((step * rates / 4) ** 2, axis=1))
+    np.testing.assert_allclose(kept / kept[0], 1, atol=1e-12)
+
+
+def test_from_rest_to_rest_tustin_ends_at_the_length_it_began_with_and_is_shorter_between():
+    rates = np.zeros((201, 3))
+    rates[1:-1] = smooth_rate(0.02 * np.arange(199))
+    length = np.linalg.norm(get_integrator("tustin").integrate(rates, 0.02), axis=1)
+    assert abs(length[-1] - 1) < 1e-12 and (length[1:-1] < 1).all()
 
 
 @given(

@@ -57,8 +57,10 @@ def test_the_protocols_of_the_reference_ship():
     assert {
         "calibration_2d",
         "calibration_3d",
+        "elbow_disturbed",
         "elbow_dynamic",
         "elbow_flexion",
+        "elbow_rates",
         "magnetic_passage",
         "orthogonality",
         "quick",

@@ -5,6 +5,7 @@ hand.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from testbench.records.results.study import (
     FILE,
     BoxNumbers,
     StudyBoxes,
+    StudyCurve,
+    StudyCurves,
+    StudyReason,
     StudyRecord,
     StudyRow,
     StudyTable,
@@ -80,3 +84,57 @@ def test_a_box_plot_is_that_of_the_textbook():
 def test_a_box_plot_of_one_value_or_of_equal_ones_is_that_value():
     assert BoxNumbers.of(np.array([2.0])) == BoxNumbers(2, 2, 2, 2, 2)
     assert BoxNumbers.of(np.full(7, 3.0)).iqr == 0
+
+
+def test_a_ratio_is_only_of_two_values_of_one_definition():
+    row = StudyRow("a", (1.0,), (4.0,))
+    assert row.ratio(0) == 0.25
+    other = replace(row, other="of the norm")
+    assert other.ratio(0) is None and other.published_title == "published: of the norm"
+    assert row.published_title == "published"
+
+
+def test_a_row_says_whose_settings_and_which_print_it_is_of():
+    row = StudyRow("imufilter", (1.0,), settings="published")
+    assert row.title == "imufilter, published settings"
+    assert replace(row, printed="listing").title == (
+        "imufilter, published settings, as printed (listing)"
+    )
+    assert replace(row, settings="ours").title == "imufilter, our settings"
+    assert replace(row, settings="").title == "imufilter"
+
+
+def test_a_reason_needs_a_run_unless_it_is_open():
+    StudyReason("Because.", "shown", "faults")
+    StudyReason("Nobody knows.", "open")
+    with pytest.raises(ValueError, match="candidate needs a run"):
+        StudyReason("Because.", "candidate")
+    with pytest.raises(ValueError, match="open needs no run"):
+        StudyReason("Because.", "open", "faults")
+
+
+def test_of_data_of_ones_own_nothing_published_is_left():
+    study = a_study()
+    table = replace(
+        study.tables[0],
+        rows=(*study.tables[0].rows, StudyRow("theirs", (None, None), (1.0, None))),
+        reasons=(StudyReason("Because.", "shown", "4.3"),),
+    )
+    empty = StudyTable("x", "Theirs", ("a",), (StudyRow("theirs", (None,), (1.0,)),), "How.")
+    x = np.arange(3.0)
+    lines = tuple(StudyCurve(kind, x, x, kind) for kind in ("measurement", "published"))
+    study = replace(
+        study,
+        tables=(table, empty),
+        curves=(StudyCurves("c", "x", "y", lines), StudyCurves("d", "x", "y", lines[1:])),
+        figures=(replace(study.figures[0], published={"b": study.figures[0].boxes["a"]}),),
+    )
+    assert study.beside_published
+    own = study.without_published()
+    assert not own.beside_published and [table.key for table in own.tables] == ["4.3"]
+    (left,) = own.tables
+    assert [row.label for row in left.rows] == ["ours", "more"]
+    assert (left.why, left.table, left.ratio_column, left.reasons) == ("", "", None, ())
+    assert [[c.name for c in figure.curves] for figure in own.curves] == [["measurement"]]
+    assert own.figures[0].published == {} and own.figures[0].boxes
+    assert own.findings == study.findings  # what a study says is its own business

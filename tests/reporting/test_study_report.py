@@ -16,6 +16,7 @@ from testbench.records.results.study import (
     StudyBoxes,
     StudyCurve,
     StudyCurves,
+    StudyReason,
     StudyRecord,
     StudyRow,
     StudySurface,
@@ -124,6 +125,50 @@ def test_a_published_row_without_ours_is_a_row_of_its_own(study):
         page
     )
     assert row.published_alone and not any(r.published_alone for r in study.tables[0].rows)
+
+
+def test_spreads_settings_prints_and_other_definitions_are_seen(study):
+    row = StudyRow(
+        "imufilter",
+        (0.2873, "word", 1.0),
+        (0.76, None, None),
+        spread=(0.0312, None, None),
+        published_spread=(0.05, None, None),
+        settings="published",
+        printed="text",
+        other="of the norm",
+    )
+    table = replace(
+        study.tables[0],
+        rows=(row,),
+        spread="standard deviation over 5 parts",
+        published_spread="standard deviation in a pose",
+        reasons=(StudyReason("A heading.", "candidate", "4.3"), StudyReason("The rest.", "open")),
+    )
+    page = words(render_study(replace(study, tables=(table,))))
+    assert "imufilter, published settings, as printed (text) 0.287 ± 0.031 word" in page
+    assert "published: of the norm 0.76 ± 0.05" in page
+    assert "± is the standard deviation over 5 parts. Published: ± is the standard" in page
+    assert "candidate A heading. 4.3 open The rest. –" in page
+    assert row.ratio(0) is None
+
+
+def test_a_report_of_data_of_ones_own_says_whose_method_it_is_and_nothing_is_simulated(study):
+    own = words(render_study(replace(study.without_published(), simulated=False)))
+    assert "Ours are simulated" not in own and "Ratio" not in own
+    assert "The method is that of Someone, 2018; the data are not theirs." in own
+    assert "After Someone, 2018" in own and "Beside" not in own
+
+
+def test_published_points_take_their_turn_among_the_symbols_of_a_group():
+    x = np.arange(3.0)
+    curves = tuple(
+        StudyCurve(name, x, x, kind, "g")
+        for name, kind in (("theirs", "published"), ("ours", "measurement"), ("long", "line"))
+    )
+    theirs, ours, line = draw_curves(StudyCurves("c", "x", "y", curves))["data"]
+    assert [theirs["mode"], ours["mode"], line["mode"]] == ["markers", "markers", "lines"]
+    assert theirs["marker"]["symbol"] == "circle" and ours["marker"]["symbol"] == "diamond"
 
 
 @pytest.mark.parametrize(

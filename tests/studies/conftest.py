@@ -6,6 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from testbench.clock import SystemClock
+from testbench.formats import import_recording
+from testbench.records.session.session import Session
+
 PROTOCOLS = Path(__file__).resolve().parents[2] / "protocols"
 
 
@@ -26,3 +30,11 @@ def own_swing(tmp_path_factory: pytest.TempPathFactory) -> Path:
         text.replace("filters: [device, vqf_6d, fusion,", "filters: [device,"), encoding="utf-8"
     )
     return file
+
+
+@pytest.fixture(scope="module")
+def imu_tk(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """The public recording of imu_tk: 38 rests held by hand and the turns between them."""
+    files = [data / "imu_tk" / f"xsens_{kind}.mat" for kind in ("acc", "gyro")]
+    out = tmp_path_factory.mktemp("imu_tk") / "session"
+    return import_recording("imu_tk", files, out, SystemClock())

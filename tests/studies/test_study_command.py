@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from testbench.cli.studying import study
+from testbench.cli.studying import _with_spread, study
 from testbench.exceptions import InputError
 from testbench.records.results.study import StudyRecord
 from testbench.studies import STUDIES
@@ -60,6 +60,20 @@ def test_reproduce_takes_no_name(tmp_path):
     assert result.returncode == 2
     assert "--reproduce takes no name" in result.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_reproduce_runs_the_protocols_of_the_publications_alone(tmp_path):
+    for own in (("--protocol", "shank_swing"), ("--session", "somewhere")):
+        result = bench("study", "--reproduce", *own, cwd=tmp_path)
+        assert result.returncode == 2
+        assert "takes neither --protocol nor --session" in result.stderr.replace("\n", " ")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_value_is_said_no_finer_than_its_spread():
+    assert _with_spread(0.28731, 0.0312) == "0.287 ± 0.031"
+    assert _with_spread(12.3, None) == 12.3 and _with_spread("deg", 0.1) == "deg"
+    assert _with_spread(3.0, 0.0) == 3.0
 
 
 def test_every_publication_is_reproduced_and_says_where_its_report_lies(

@@ -36,3 +36,13 @@ def test_recovers_the_clock_and_the_losses_it_was_given(result, name):
     assert timing.arrival_jitter_ms == pytest.approx(3, rel=0.15)
     assert timing.gaps > 10
     assert abs(timing.acc_after_gyr_ms) < 1.5
+
+
+def test_a_late_accelerometer_is_found_with_an_uncertainty(result):
+    """5 ms, and what the low passes of both triads delay them by."""
+    timing = result.estimate.sensors["late"].timing
+    expected = 5 + 1e3 / (2 * np.pi) * (1 / 62.5 - 1 / 32)
+    assert timing.acc_after_gyr_ms == pytest.approx(
+        expected, abs=2 * timing.acc_after_gyr_sd_ms + 0.5
+    )
+    assert 0 < timing.acc_after_gyr_sd_ms < 1.5

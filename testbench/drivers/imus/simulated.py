@@ -1,66 +1,65 @@
-"""A simulated inertial sensor: feels the arm's true motion, with its own clock and errors."""
+"""A simulated inertial sensor: feels the true motion of what carries it, with its own clock and
+errors.
+"""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any
 
 import numpy as np
 
 from testbench.drivers.imus.base import Imu
-from testbench.frames import NANOSECONDS
+from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.model import rotation
 from testbench.model.imu import DeviceOrientationModel, TriadModel
-from testbench.model.kinematics import Kinematics, Pose
+from testbench.model.kinematics import FrameMotion, Kinematics, Pose
 from testbench.model.magnetic_field import MagneticField
 from testbench.model.noise import random_stream
+from testbench.model.rigid_motion import RigidMotion
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.trajectory import TrueState
 from testbench.records.specs.protocol import Environment, Sensor
+from testbench.records.specs.sensor import ImuParameters, TriadParameters
 
 
-class SimulatedImu(Imu):
-    """An IMU in virtual time.
+class ModelledImu(Imu):
+    """An IMU in virtual time, whatever carries it.
 
     Args:
-        name: The sensor's name in the protocol; it selects its random numbers.
-        sensor: Where it sits, and its parameters.
-        kinematics: Of the arm that carries it.
-        environment: The magnetic field.
-        true_state: Gives the true joint angles, rates and accelerations at host times.
+        name: The sensor's name; it selects its random numbers.
+        parameters: Its data sheet.
+        preset: Name of that, where it has one.
+        environment: Its temperature.
         seed: Of the run.
+        part: Whose errors it has, by name; its own if None.
     """
+
+    gravity: np.ndarray
+    """In the world, shape (3,) [m/s^2]."""
 
     def __init__(
         self,
         name: str,
-        sensor: Sensor,
-        kinematics: Kinematics,
+        parameters: ImuParameters,
+        preset: str | None,
         environment: Environment,
-        true_state: TrueState,
         seed: int,
+        part: str | None = None,
     ):
-        self.name, self.sensor, self.kinematics, self.environment = (
-            name,
-            sensor,
-            kinematics,
-            environment,
-        )
-        self.parameters = parameters = sensor.imu()
+        self.name, self.parameters, self.environment = name, parameters, environment
         self.rate = rate = parameters.rate_hz
         self.has_magnetometer = parameters.magnetometer is not None
         self.has_orientation = parameters.device_orientation is not None
-        self._true_state, self._seed = true_state, seed
-        self._field = MagneticField(environment, kinematics)
-        # The real mounting is the believed one followed by its error.
-        self._link_from_sensor = Pose.from_placement(sensor.mounting) @ Pose.from_placement(
-            sensor.mounting_error
-        )
-        self._accelerometer = TriadModel(
-            parameters.accelerometer.triad(), rate, seed, name, "accelerometer"
-        )
-        self._gyroscope = TriadModel(parameters.gyroscope.triad(), rate, seed, name, "gyroscope")
+        self._preset, self._seed = preset, seed
+
+        def triad(sheet: TriadParameters, kind: str) -> TriadModel:
+            return TriadModel(sheet, rate, seed, name, kind, part=part)
+
+        self._accelerometer = triad(parameters.accelerometer.triad(), "accelerometer")
+        self._gyroscope = triad(parameters.gyroscope.triad(), "gyroscope")
         self._magnetometer = (
-            TriadModel(parameters.magnetometer.triad(), rate, seed, name, "magnetometer")
+            triad(parameters.magnetometer.triad(), "magnetometer")
             if parameters.magnetometer
             else None
         )
@@ -76,6 +75,23 @@ class SimulatedImu(Imu):
         self._last_sample: tuple[np.ndarray, np.ndarray] | None = None
         self._stopped = False
 
+    @abstractmethod
+    def motion_at(self, times_ns: np.ndarray) -> FrameMotion:
+        """How the sensor truly moves at host times.
+
+        Args:
+            times_ns: Not decreasing, shape (n,), int64.
+        """
+
+    @abstractmethod
+    def field_at(self, times_ns: np.ndarray, motion: FrameMotion) -> np.ndarray:
+        """The magnetic field about it in the world, shape (n, 3) [uT].
+
+        Args:
+            times_ns: Not decreasing, shape (n,), int64.
+            motion: Its own then.
+        """
+
     def kickoff(self) -> None:
         """Begin at time 0."""
         self._count = 0
@@ -83,12 +99,11 @@ class SimulatedImu(Imu):
     def read(self, until_ns: int) -> ImuSamples:
         """Samples taken up to a host time."""
         times, device_times, counter = self._sampling(until_ns)
-        q, v, a = self._true_state(times)
-        motion = self.kinematics.frame_motion(self.sensor.link, q, v, a, self._link_from_sensor)
-        rate, force = (
-            motion.angular_velocity_in_frame,
-            motion.specific_force_in_frame(self.kinematics.robot.gravity),
-        )
+        motion = self.motion_at(times)
+        lag = round(1e6 * self.parameters.clock.accelerometer_lag_ms)
+        earlier = motion if lag == 0 else self.motion_at(np.maximum(times - lag, 0))
+        rate = motion.angular_velocity_in_frame
+        force = earlier.specific_force_in_frame(self.gravity)
         if self.parameters.sampling == "integrated":
             rate, force = self._integrated(motion.q_world_from_frame, rate, force)
         temperature = self._temperature(times)
@@ -97,7 +112,7 @@ class SimulatedImu(Imu):
         saturated = acc_saturated | gyr_saturated
         mag = None
         if self._magnetometer is not None:
-            field = self._field.at(motion.position, q)
+            field = self.field_at(times, motion)
             mag, mag_saturated = self._magnetometer.measure(
                 np.einsum("nji,nj->ni", motion.R_world_from_frame, field)
             )
@@ -131,7 +146,7 @@ class SimulatedImu(Imu):
         """What a data sheet would say; nothing of the errors that this part was given."""
         return {
             "driver": "simulated",
-            "preset": self.sensor.preset,
+            "preset": self._preset,
             "description": self.parameters.description,
             "rate_hz": self.rate,
             "magnetometer": self.has_magnetometer,
@@ -236,3 +251,79 @@ class SimulatedImu(Imu):
         if len(arrival):
             self._last_arrival = int(arrival[-1])
         return np.asarray(arrival)
+
+
+class SimulatedImu(ModelledImu):
+    """An IMU that feels the motion of an arm.
+
+    Args:
+        name: The sensor's name in the protocol; it selects its random numbers.
+        sensor: Where it sits, and its parameters.
+        kinematics: Of the arm that carries it.
+        environment: The magnetic field, and its temperature.
+        true_state: Gives the true joint angles, rates and accelerations at host times.
+        seed: Of the run.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        sensor: Sensor,
+        kinematics: Kinematics,
+        environment: Environment,
+        true_state: TrueState,
+        seed: int,
+    ):
+        super().__init__(name, sensor.imu(), sensor.preset, environment, seed, sensor.part)
+        self.sensor, self.kinematics = sensor, kinematics
+        self.gravity = kinematics.robot.gravity
+        self._true_state = true_state
+        self._field = MagneticField(environment, kinematics)
+        # The real mounting is the believed one followed by its error.
+        self._link_from_sensor = Pose.from_placement(sensor.mounting) @ Pose.from_placement(
+            sensor.mounting_error
+        )
+
+    def motion_at(self, times_ns: np.ndarray) -> FrameMotion:
+        """See ModelledImu."""
+        q, v, a = self._true_state(times_ns)
+        return self.kinematics.frame_motion(self.sensor.link, q, v, a, self._link_from_sensor)
+
+    def field_at(self, times_ns: np.ndarray, motion: FrameMotion) -> np.ndarray:
+        """See ModelledImu."""
+        return self._field.at(motion.position, self._true_state(times_ns)[0])
+
+
+class RidingImu(ModelledImu):
+    """An IMU that rides on a body whose motion is known.
+
+    Args:
+        name: Of the body; it selects its random numbers.
+        parameters: Its data sheet.
+        preset: Name of that, where it has one.
+        body: How the sensor's frame moves.
+        environment: The magnetic field, the same everywhere, and its temperature.
+        seed: Of the run.
+    """
+
+    gravity = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+
+    def __init__(
+        self,
+        name: str,
+        parameters: ImuParameters,
+        preset: str | None,
+        body: RigidMotion,
+        environment: Environment,
+        seed: int,
+    ):
+        super().__init__(name, parameters, preset, environment, seed)
+        self.body = body
+
+    def motion_at(self, times_ns: np.ndarray) -> FrameMotion:
+        """See ModelledImu."""
+        return self.body.at(times_ns)
+
+    def field_at(self, times_ns: np.ndarray, motion: FrameMotion) -> np.ndarray:
+        """See ModelledImu."""
+        return np.tile(np.asarray(self.environment.magnetic_field_uT, float), (len(times_ns), 1))

@@ -122,6 +122,20 @@ def read_rests(rests: Sequence[Rest], in_run: float = IN_RUN) -> RestReading:
     return RestReading(bias, np.sqrt(white + in_run**2), noise, int(counts.sum()))
 
 
+def unrested(turns: Sequence[Turn]) -> RestReading:
+    """What is known of a gyroscope that was never recorded at rest: nothing of its bias beyond data
+    sheets, and the noise by second differences of its rates.
+
+    Args:
+        turns: At least one.
+    """
+    bent = np.concatenate([np.diff(turn.gyr, n=2, axis=0) for turn in turns])
+    # a second difference of white noise has 1 + 4 + 1 times its variance; the median leaves the
+    # ends of moves out, and is 0.6745 of a normal deviation
+    noise = float(np.median(np.abs(bent))) / 0.6745 / np.sqrt(6.0)
+    return RestReading(np.zeros(3), np.full(3, BIAS_SIZE), max(noise, LEAST_NOISE), 0)
+
+
 def static_bias(recording: GyroscopeRecording, in_run: float = IN_RUN) -> TriadCalibration:
     """The mean at rest as bias, and nothing else.
 
@@ -155,7 +169,8 @@ def gravity_turns(
     Turning the direction before by the integrated rates must give the direction after. Of the
     difference, the two components across that direction count, each weighed by the noise of the
     rates and of the directions. The bias is that of the rests, with its uncertainty: it is fitted
-    along, so that what is not known of it widens the rest.
+    along, so that what is not known of it widens the rest. Where there are no rests the turns alone
+    tell it.
 
     Args:
         recording: Rests, and turns with `up_before` and `up_after`; at least seven, about different
@@ -192,7 +207,7 @@ def gravity_turns(
             f"{FEWEST_SPARE} more than that "
             "are needed to tell turns that fit from turns that are merely bent to fit",
         )
-    reading = read_rests(recording.rests, in_run)
+    reading = read_rests(recording.rests, in_run) if recording.rests else unrested(turns)
     integration = TurnIntegration(turns, get_integrator(integrator), stages)
     before, after = (
         np.array([getattr(turn, key) for turn in turns], dtype=float)

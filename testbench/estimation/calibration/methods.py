@@ -56,6 +56,7 @@ class Method:
         counts_in_run: The covariance of its bias holds already that the bias wanders between the
             rests and the turns.
         counts_shared: The covariance holds already what errors of the arm that all poses share do.
+        integrates: Whether it integrates turns, by an integrator that may be named.
         spares: The turns that it does not calibrate from, and which judge it; None for a method
             that takes all of them, which is judged by leaving some out.
     """
@@ -70,6 +71,7 @@ class Method:
     tried: int | None = None
     counts_in_run: bool = False
     counts_shared: bool = False
+    integrates: bool = False
     spares: Callable[[GyroscopeRecording], list[Turn]] | None = None
 
 
@@ -193,6 +195,7 @@ _ALL = (
         axes="accelerometer",
         tried=2,
         counts_in_run=True,
+        integrates=True,
     ),
     Method(
         "attitude",
@@ -203,6 +206,7 @@ _ALL = (
         asks=("arm",),
         axes="believed",
         tried=1,
+        integrates=True,
     ),
     Method(
         "rate_table",

@@ -17,6 +17,7 @@ from testbench.estimation.alignment.axes import true_rates
 from testbench.estimation.alignment.true_motion import rate_delay, sensor_clock
 from testbench.estimation.calibration.clipping import clipped_in_motion, clipped_triads
 from testbench.estimation.calibration.gyroscope import gravity_direction_errors, turn_figures
+from testbench.estimation.calibration.parted import Parted, parted
 from testbench.estimation.calibration.poses import (
     DIRECTION_SD,
     SETTLING_M_S2,
@@ -33,7 +34,12 @@ from testbench.estimation.calibration.static_intervals import (
     by_variance,
     compare,
 )
-from testbench.estimation.calibration.turns import GyroscopeRecording, Rest, Turn
+from testbench.estimation.calibration.turns import (
+    GyroscopeRecording,
+    Rest,
+    Turn,
+    TurnSettings,
+)
 from testbench.estimation.filters import UniformSamples
 from testbench.estimation.signals.segmentation import intervals_of
 from testbench.estimation.signals.uniform import MOST_FILLING, fill_gaps
@@ -47,8 +53,14 @@ from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.calibration_result import Agreement, CalibrationPoses
 from testbench.records.session.samples import ImuSamples, Truth
 
-Segmentation = Literal["arm", "gyroscope", "peaks", "variance"]
+Segmentation = Literal["arm", "gyroscope", "peaks", "variance", "recorded"]
+"""Who says where the rests are: the last is what was recorded, accelerations at rest alone."""
 FOLDS = 3
+BY_TURNS = (
+    "accelerations were recorded at rest alone and rates in motion alone: the bias of the "
+    "gyroscope is fitted to its turns"
+)
+AS_THE_METHOD = TurnSettings()
 TURN_MARGIN_S = 0.1
 """A turn reaches so far into the rests at its ends [s]."""
 
@@ -78,6 +90,7 @@ class Prepared:
         settling: What a rest of the accelerometer differs by from others beside its noise, a
             standard deviation [m/s^2].
         shifted: That with the zero of a joint off by its standard uncertainty, joint by joint.
+        parted: Rests and turns of a recording whose triads were recorded by turns; None of others.
     """
 
     samples: UniformSamples
@@ -98,6 +111,7 @@ class Prepared:
     nonlinearity: float | None = None
     settling: float = SETTLING_M_S2
     shifted: list[Truth] = field(default_factory=list)
+    parted: Parted | None = None
 
     @property
     def has_gyroscope(self) -> bool:
@@ -236,6 +250,8 @@ class Prepared:
         force = self.felt(accelerometer)
         up = force / np.linalg.norm(force, axis=1, keepdims=True)
         up_sd = float(np.sqrt(self.poses.variance.mean()) / STANDARD_GRAVITY)
+        if self.parted is not None:
+            return self._parted_turns(self.parted, up, up_sd)
         temperatures, time = self.temperatures, self.time_ns / NANOSECONDS
         rests = [
             Rest(
@@ -290,11 +306,34 @@ class Prepared:
             )
         return GyroscopeRecording(rests, turns)
 
+    def _parted_turns(self, parted: Parted, up: np.ndarray, up_sd: float) -> GyroscopeRecording:
+        """Turns without a rate at rest: no rest tells the bias.
+
+        Args:
+            parted: Where they are.
+            up: Of each rest, shape (k, 3).
+            up_sd: As `Turn` has it.
+        """
+        seconds = self.time_ns / NANOSECONDS
+        turns = [
+            Turn(
+                self.samples.gyr[begin:end],
+                self.samples.interval,
+                up[before],
+                up[after],
+                up_sd=up_sd,
+                time=seconds[begin:end],
+            )
+            for (begin, end), (before, after) in zip(parted.turns, parted.between, strict=True)
+        ]
+        return GyroscopeRecording([], turns)
+
     def with_held_out_turns(
         self,
         function: Callable[[GyroscopeRecording], TriadCalibration],
         recording: GyroscopeRecording,
         others: Sequence[GyroscopeRecording] = (),
+        settings: TurnSettings = AS_THE_METHOD,
     ) -> TriadCalibration:
         """A calibration from all turns, with its errors on turns that the fit had not seen.
 
@@ -303,9 +342,13 @@ class Prepared:
             recording: All rests and turns.
             others: Other recordings, whose turns are held out. Where there are none, a part of the
                 turns is held out in each of some folds.
+            settings: How turns are integrated, where somebody says so.
         """
+        by = (settings.integrator or "rk4", settings.stages)
         found = function(recording)
-        errors = [gravity_direction_errors(found, other.turns) for other in others if other.turns]
+        errors = [
+            gravity_direction_errors(found, other.turns, *by) for other in others if other.turns
+        ]
         turns = list(recording.turns)
         for k in range(0 if others else FOLDS):
             held = turns[k::FOLDS]
@@ -319,7 +362,7 @@ class Prepared:
                 )
             except (PoorExcitation, InputError):
                 continue
-            errors.append(gravity_direction_errors(fit, held))
+            errors.append(gravity_direction_errors(fit, held, *by))
         if not errors:
             return found
         return replace(found, validation=turn_figures(np.concatenate(errors)))
@@ -337,6 +380,15 @@ def prepare(recording: CalibrationRecording, segmentation: Segmentation | None) 
     """
     # Longer than a screen: one step after another, each with what the ones before it found.
     raw, truth = recording.raw, recording.truth
+    apart = parted(raw)
+    if apart is not None:
+        if segmentation is not None:
+            raise InputError(
+                f"{recording.place}: sensor '{recording.sensor}' was recorded by turns, "
+                "accelerations at rest and rates in motion: that tells its rests; leave "
+                "--segmentation out"
+            )
+        return _prepared_parts(recording, apart)
     doubts = doubts_on(raw, recording.belief)
     samples = without(raw, doubts.unknown)
     clock = sensor_clock(samples, truth, recording.described, recording.align_clock)
@@ -411,6 +463,25 @@ def prepare(recording: CalibrationRecording, segmentation: Segmentation | None) 
         integrated,
         clipped_triads(raw, doubts, at_rest),
         clipped_in_motion(raw, at_rest),
+    )
+
+
+def _prepared_parts(recording: CalibrationRecording, apart: Parted) -> Prepared:
+    """A recording whose triads were recorded by turns, as it is: nothing is filled in."""
+    raw = recording.raw
+    begin, end = apart.turns[0]
+    interval = float(np.median(np.diff(raw.device_time_ns[begin:end]))) / NANOSECONDS
+    return Prepared(
+        UniformSamples(interval, raw.gyr, raw.acc),
+        raw.host_time_ns,
+        apart.rests,
+        None,
+        recording.gravity,
+        0.0,
+        "recorded",
+        [],
+        [BY_TURNS],
+        parted=apart,
     )
 
 

@@ -34,11 +34,17 @@ from testbench.estimation.calibration.methods import (
     methods_to_try,
 )
 from testbench.estimation.calibration.poses import StaticPoses
-from testbench.estimation.calibration.prepared import Prepared, Segmentation, prepare
+from testbench.estimation.calibration.prepared import (
+    AS_THE_METHOD,
+    Prepared,
+    Segmentation,
+    prepare,
+)
 from testbench.estimation.calibration.recording import CalibrationRecording
 from testbench.estimation.calibration.session_mounting import find_mounting
 from testbench.estimation.calibration.shared_frame import take_mounting_out
 from testbench.estimation.calibration.temperature import Function, with_drift
+from testbench.estimation.calibration.turns import TurnSettings
 from testbench.estimation.calibration.validation import cross_validate, validate
 from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS
@@ -99,7 +105,7 @@ def calibrate(
     segmentation: Segmentation | None = None,
     held_out: Sequence[Session] = (),
     field: np.ndarray | None = None,
-    turn_angle: float | None = None,
+    turns: TurnSettings = AS_THE_METHOD,
 ) -> CalibrationResult:
     """Calibrate a sensor.
 
@@ -111,7 +117,7 @@ def calibrate(
         held_out: Sessions of the same sensor, in the same mounting, whose poses validate;
             cross-validation without any.
         field: Of the earth in the world, shape (3,) [uT]; None where nobody states it.
-        turn_angle: Of the known turns of `ferraris_gyroscope` [rad]; None where nobody states it.
+        turns: How the turns of the gyroscope are integrated, where somebody says so.
 
     Raises:
         NotFoundError: No such sensor or method.
@@ -119,7 +125,7 @@ def calibrate(
         PoorExcitation: The recording does not determine a parameter of a method that was asked for.
     """
     # Longer than a screen: triad after triad, each with what the ones before it gave.
-    chosen = _by_triad(methods, field, turn_angle)
+    chosen = _by_triad(methods, field, turns)
     opened = CalibrationRecording.of(session, sensor)
     prepared = prepare(opened, segmentation)
     if prepared.truth is not None:
@@ -151,11 +157,11 @@ def calibrate(
         if trend is not None:
             prepared = prepared.without_trend("gyr", trend.at(prepared.time_ns / NANOSECONDS))
         gyroscope, function = _gyroscope(
-            prepared, others, accelerometer, chosen.get("gyroscope"), not methods, told, turn_angle
+            prepared, others, accelerometer, chosen.get("gyroscope"), not methods, told, turns
         )
         if gyroscope is not None:
             bare = gyroscope.fits[0]
-            recording = prepared.gyroscope_recording(accelerometer)
+            recording = prepared.gyroscope_recording(accelerometer).every(turns.every)
             gyroscope, left = with_rate_nonlinearity(
                 gyroscope, recording, gyroscope_cubic(opened.sheet), function
             )
@@ -224,7 +230,7 @@ def calibrate(
 
 
 def _by_triad(
-    names: Sequence[str], field: np.ndarray | None, turn_angle: float | None
+    names: Sequence[str], field: np.ndarray | None, turns: TurnSettings
 ) -> dict[Calibrated, Method]:
     """The methods that were named, each with what it must be told."""
     chosen: dict[Calibrated, Method] = {}
@@ -241,11 +247,19 @@ def _by_triad(
                 f"{chosen[triad].name} and {name} both calibrate the {triad}; name one"
             )
         chosen[triad] = method
-    if turn_angle is not None and not any("turn_angle" in m.asks for m in chosen.values()):
+    if turns.angle is not None and not any("turn_angle" in m.asks for m in chosen.values()):
         fitting = [m.name for m in METHODS.values() if "turn_angle" in m.asks]
         raise InputError(
             f"--turn-deg is for the method {' or '.join(fitting)}; name it with --method, or leave "
             "the angle out"
+        )
+    if (turns.of_integration or turns.every > 1) and not any(
+        method.integrates for method in chosen.values()
+    ):
+        fitting = [m.name for m in METHODS.values() if m.integrates]
+        raise InputError(
+            "--integrator, --stages, --g-sensitivity and --every are for the methods "
+            f"{' and '.join(fitting)}; name one with --method, or leave them out"
         )
     return chosen
 
@@ -352,20 +366,25 @@ def _gyroscope(
     named: Method | None,
     free: bool,
     told: Told,
-    turn_angle: float | None,
+    turns: TurnSettings,
 ) -> tuple[TriadCalibration | None, Function]:
     """The gyroscope, and the method that found it."""
     if (named is None and not free) or told.clipped(prepared, "gyr", named):
         return None, static_bias
-    recording = prepared.gyroscope_recording(accelerometer)
-    held_out = [other.gyroscope_recording(accelerometer) for other in others if other.has_gyroscope]
+    recording = prepared.gyroscope_recording(accelerometer).every(turns.every)
+    held_out = [
+        other.gyroscope_recording(accelerometer).every(turns.every)
+        for other in others
+        if other.has_gyroscope
+    ]
     known: set[Known] = {"arm"} if prepared.has_truth else set()
     for method in [named] if named else methods_to_try("gyroscope", known):
-        asked = {"angle": turn_angle} if "turn_angle" in method.asks else {}
+        asked = {"angle": turns.angle} if "turn_angle" in method.asks else {}
+        asked |= turns.of_integration if method.integrates else {}
         function = with_drift(partial(method.function, **asked))
         try:
             if method.spares is None:
-                found = prepared.with_held_out_turns(function, recording, held_out)
+                found = prepared.with_held_out_turns(function, recording, held_out, turns)
             else:
                 found = function(recording)
                 spared = [turn for other in held_out for turn in other.turns]

@@ -23,6 +23,7 @@ from testbench.model.integrators import (
     EULER,
     HEUN,
     RK4,
+    TUSTIN,
     Integrator,
     Stages,
     multiply_into,
@@ -123,7 +124,8 @@ class TurnIntegration:
 
 def _weights(integrator: Integrator) -> np.ndarray:
     """Share of each stage in the mean rate of a step."""
-    known = {EULER: (1.0,), HEUN: (0.5, 0.5), RK4: (1 / 6, 4 / 6, 1 / 6)}
+    ends = (0.5, 0.5)
+    known = {EULER: (1.0,), HEUN: ends, TUSTIN: ends, RK4: (1 / 6, 4 / 6, 1 / 6)}
     return np.array(known.get(integrator.scheme, CG4_B if len(integrator.nodes) == 5 else (1.0,)))
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from testbench.exceptions import InputError
+from testbench.model.integrators import Stages, get_integrator
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,22 @@ class Turn:
                     f"{array.shape}"
                 )
 
+    def every(self, count: int) -> Turn:
+        """The turn as a sensor would have read it that takes only one sample of so many.
+
+        The last one counted ends it; what comes after is at rest.
+
+        Raises:
+            InputError: Fewer than two samples would be left.
+        """
+
+        def thinned(array: np.ndarray | None) -> np.ndarray | None:
+            return None if array is None else array[::count]
+
+        keys = ("q_world_from_sensor", "rate", "force", "temperature", "time")
+        left = {key: thinned(getattr(self, key)) for key in keys}
+        return replace(self, gyr=self.gyr[::count], interval=count * self.interval, **left)
+
     def part(self, begin: int, end: int) -> Turn:
         """The samples from `begin` up to `end`, without the directions at its ends."""
 
@@ -127,6 +144,41 @@ def _bent(part: Rest | Turn, axis: int, cubic: float) -> np.ndarray:
 
 
 @dataclass(frozen=True)
+class TurnSettings:
+    """How turns are integrated where somebody says so; None leaves it to the method.
+
+    Attributes:
+        angle: Of the known turns of `ferraris_gyroscope` [rad].
+        integrator: As `testbench.model.integrators` names it.
+        stages: Where its rates inside a step come from.
+        g_sensitivity: Whether the response to specific force is fitted too.
+        every: Only one sample of so many is taken.
+    """
+
+    angle: float | None = None
+    integrator: str | None = None
+    stages: Stages | None = None
+    g_sensitivity: bool | None = None
+    every: int = 1
+
+    def __post_init__(self) -> None:
+        if self.every < 1:
+            raise InputError(f"every {self.every}th sample of a turn: there is none; from 1 on")
+        if self.integrator is not None:
+            get_integrator(self.integrator)
+
+    @property
+    def of_integration(self) -> dict[str, object]:
+        """What is said of the integration, by the names that methods take it by."""
+        said = {
+            "integrator": self.integrator,
+            "stages": self.stages,
+            "g_sensitivity": self.g_sensitivity,
+        }
+        return {name: value for name, value in said.items() if value is not None}
+
+
+@dataclass(frozen=True)
 class GyroscopeRecording:
     """All that a calibration is made from."""
 
@@ -144,6 +196,10 @@ class GyroscopeRecording:
             [rest.without_drift(drift, reference) for rest in self.rests],
             [turn.without_drift(drift, reference) for turn in self.turns],
         )
+
+    def every(self, count: int) -> GyroscopeRecording:
+        """All turns as of a sensor that takes only one sample of so many."""
+        return self if count == 1 else replace(self, turns=[t.every(count) for t in self.turns])
 
     def without_cubic(self, axis: int, cubic: float) -> GyroscopeRecording:
         """All readings without a term of the third power.

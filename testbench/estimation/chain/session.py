@@ -89,7 +89,7 @@ def estimate_chain(
     for section in wanted.sections or recording.sections:
         where = f"chain, section {section}"
         try:
-            part = _Section(recording, sensors, names, wanted, section)
+            part = ChainSection(recording, sensors, names, wanted, section)
             findings += part.told(where)
             for state in wanted.states:
                 estimated, told = part.estimate(state)
@@ -100,8 +100,21 @@ def estimate_chain(
     return estimates, told_once(findings)
 
 
-class _Section:
+class ChainSection:
     """One section: the chain, the rest before it and its samples.
+
+    Args:
+        recording: That it is a part of.
+        sensors: With clocks, calibrations and gates.
+        names: Of the sensors to use.
+        wanted: What is asked of the chain.
+        section: Its name.
+
+    Attributes:
+        chain: The sensors, where they are stated to be.
+        samples: Calibrated ones of all sensors.
+        start: Angles at the rest before it, shape (m,) [rad].
+        begins_s: When its motion begins [s].
 
     Raises:
         InputError: There is no rest to start from, a sensor is silent, or a joint carries no

@@ -339,10 +339,8 @@ class ImuFilter(KernelFilter):
     kernel, options = staticmethod(error_state), (False,)
     behaviour = (
         "Only the diagonal of P+ is kept; its variances are per sample, so that they depend on the "
-        "rate. With its defaults a "
-        "move of the arm passes for an offset about the vertical of up to 1 deg/s, which then "
-        "stays: linear_acc_var_m2_s4 of 1 "
-        "ends that."
+        "rate. With linear_acc_var_m2_s4 at MATLAB's default a move of the arm passes for an "
+        "offset about the vertical of up to 1 deg/s, which then stays; at 1 it does not."
     )
 
 

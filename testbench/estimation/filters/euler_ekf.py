@@ -1,9 +1,12 @@
-"""The Euler-angle Kalman filters of Cabezuelo 2019, corrected and as printed.
+"""The Euler-angle Kalman filters of Cabezuelo 2019, corrected, as its text and as its program.
 
-Equations are those of the thesis: simple prediction 4.7, improved prediction 4.4 to 4.6.
+Equations are those of the thesis: simple prediction 4.7, improved prediction 4.4 to 4.6. Its text
+and the program in its annex differ, and its numbers were made by the program.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numba import njit
@@ -12,6 +15,8 @@ from testbench.estimation.filters.base import Parameter
 from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
 from testbench.estimation.filters.maths import GRAVITY, Three, length
 
+CORRECTED, TEXT, LISTING = 0, 1, 2
+"""Which print of the filter."""
 LOCK = 1e-3
 """Cosine of pitch [1] below which roll and yaw are not told apart."""
 
@@ -44,7 +49,7 @@ def put(out: np.ndarray, roll: float, pitch: float, yaw: float) -> None:
 
 @njit(cache=True)
 def predicted(
-    state: np.ndarray, g: np.ndarray, h: float, f: np.ndarray, simple: bool, printed: bool
+    state: np.ndarray, g: np.ndarray, h: float, f: np.ndarray, simple: bool, version: int
 ) -> Three:
     """Roll, pitch and yaw [rad] a step later, and F, the derivative by those before.
 
@@ -54,24 +59,26 @@ def predicted(
         h: The step [s].
         f: Filled with F, shape (3, 3).
         simple: Whether each angle is the integral of its own axis.
-        printed: Whether to keep the errors of the publication.
+        version: Which print.
     """
     roll, pitch, yaw = state[1], state[2], state[3]
     f[:, :] = 0.0
     f[0, 0], f[1, 1] = 1.0, 1.0
     if simple:
-        f[2, 2] = 0.0 if printed else 1.0  # eq. 2.22 has diag(1, 1, 0)
+        f[2, 2] = 1.0 if version == CORRECTED else 0.0  # eq. 2.22 has diag(1, 1, 0)
         return roll + h * g[0], pitch + h * g[1], yaw + h * g[2]  # eq. 4.7
     sr, cr, sp, cp = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
-    if not printed and abs(cp) < LOCK:
+    if version == CORRECTED and abs(cp) < LOCK:
         cp = LOCK if cp >= 0.0 else -LOCK
     tan, sec = sp / cp, 1.0 / cp
     along, across = g[1] * sr + g[2] * cr, g[1] * cr - g[2] * sr
     f[0, 0], f[0, 1] = 1.0 + h * across * tan, h * along * sec * sec
     f[1, 0] = -h * along
     f[2, 0], f[2, 1], f[2, 2] = h * across * sec, h * along * sec * tan, 1.0
-    # eq. 4.4, with cos(pitch) for cos(roll) as printed; eqs 4.5 and 4.6 below
-    rolled = g[0] + (g[1] * sr + g[2] * np.cos(pitch)) * tan if printed else g[0] + along * tan
+    # eq. 4.4, in the text with cos(pitch) for cos(roll); eqs 4.5 and 4.6 below
+    rolled = g[0] + along * tan
+    if version == TEXT:
+        rolled = g[0] + (g[1] * sr + g[2] * np.cos(pitch)) * tan
     return roll + h * rolled, pitch + h * across, yaw + h * along * sec
 
 
@@ -143,18 +150,22 @@ def propagate(cov: np.ndarray, half: np.ndarray, f: np.ndarray, noise: float) ->
 
 
 @njit(cache=True)
-def first(state: np.ndarray, acc: np.ndarray, p: np.ndarray, printed: bool) -> None:
-    """Start at zero with the process variance (printed), or from the first force.
+def first(state: np.ndarray, acc: np.ndarray, p: np.ndarray, version: int) -> None:
+    """Start at zero (program), or from the first force (text, eqs 2.17 to 2.19, and corrected).
+
+    The publication starts with the process variance.
 
     Args:
         state: As of `euler_ekf`, shape (s,); filled.
         acc: Specific force, shape (3,) [m/s^2].
         p: Parameters as of `euler_ekf`, shape (k,).
-        printed: Whether to keep the errors of the publication.
+        version: Which print.
     """
-    if printed:
+    if version == LISTING or (version == TEXT and length(acc) > 0.0):
         state[0], state[4], state[8], state[12] = 1.0, p[0] * p[0], p[0] * p[0], p[0] * p[0]
-    elif length(acc) > 0.0:
+        if version == TEXT:
+            state[1], state[2] = innovation(acc[0], acc[1], acc[2], 0.0, 0.0, True)
+    elif version == CORRECTED and length(acc) > 0.0:
         state[0], state[4], state[8] = 1.0, p[1] * p[1], p[2] * p[2]
         # at rest the force is g (-sin pitch, sin roll cos pitch, cos roll cos pitch)
         state[1], state[2] = (
@@ -169,15 +180,15 @@ def euler_ekf(
     p: np.ndarray,
     state: np.ndarray,
     simple: bool,
-    printed: bool,
+    version: int,
 ) -> np.ndarray:
     """Kalman filter of roll, pitch and yaw; a force of gravity's size corrects roll and pitch.
 
-    Printed: starts at zero, takes roll from the arctangent of a ratio, does not wrap the
-    innovation, keeps P still while the gate is closed, has a process variance per sample, and
-    cos(pitch) for cos(roll) in eq. 4.4. Corrected: starts from the first sample, takes roll from
-    both signs, wraps, propagates P always, has a noise density, and keeps pitch within a right
-    angle.
+    Text and program take roll from the arctangent of a ratio, do not wrap the innovation, and have
+    a process variance per sample. The text starts from the first force, propagates P always, and
+    has cos(pitch) for cos(roll) in eq. 4.4; the program starts at zero and keeps P still while the
+    gate is closed. Corrected: starts from the first sample, takes roll from both signs, wraps,
+    propagates P always, has a noise density, and keeps pitch within a right angle.
 
     Args:
         readings: Samples of the sensor.
@@ -187,7 +198,7 @@ def euler_ekf(
             (9).
         simple: Whether each angle is the integral of its own axis (eq. 4.7) instead of eqs 4.4 to
             4.6.
-        printed: Whether to keep the errors of the publication.
+        version: Which print: `CORRECTED`, `TEXT` or `LISTING`.
     """
     gyr, acc, dt = readings.gyr, readings.acc, readings.dt
     out = np.empty((gyr.shape[0], 4))
@@ -195,20 +206,20 @@ def euler_ekf(
     f, half = np.empty((3, 3)), np.empty((3, 3))
     for i in range(gyr.shape[0]):
         if state[0] == 0.0:
-            first(state, acc[i], p, printed)
+            first(state, acc[i], p, version)
             put(out[i], state[1], state[2], state[3])
             continue
-        roll, pitch, yaw = predicted(state, gyr[i], dt[i], f, simple, printed)
-        if not printed and abs(pitch) > 0.5 * np.pi:
+        roll, pitch, yaw = predicted(state, gyr[i], dt[i], f, simple, version)
+        if version == CORRECTED and abs(pitch) > 0.5 * np.pi:
             # over the top: the same orientation with a pitch within a right angle
             pitch, roll, yaw = (np.pi if pitch > 0.0 else -np.pi) - pitch, roll + np.pi, yaw + np.pi
         roll, pitch, yaw = wrapped(roll), wrapped(pitch), wrapped(yaw)
         a = length(acc[i])
         gated = abs(a - GRAVITY) < p[3] or (p[3] == 0.0 and a > 0.0)
-        if gated or not printed:
-            propagate(cov, half, f, p[0] * p[0] * (1.0 if printed else dt[i]))
+        if gated or version != LISTING:
+            propagate(cov, half, f, p[0] * p[0] * (dt[i] if version == CORRECTED else 1.0))
         if gated:
-            v0, v1 = innovation(acc[i, 0], acc[i, 1], acc[i, 2], roll, pitch, printed)
+            v0, v1 = innovation(acc[i, 0], acc[i, 1], acc[i, 2], roll, pitch, version != CORRECTED)
             d0, d1, d2 = correct(cov, half, f, v0, v1, p[1] * p[1], p[2] * p[2])
             roll, pitch, yaw = roll + d0, pitch + d1, yaw + d2
         state[1], state[2], state[3] = roll, pitch, yaw
@@ -265,6 +276,8 @@ PER_SAMPLE = Parameter(
     1e-5,
     0.01,
 )
+TEXT_GATE = replace(GATE, default=1.0, source="Cabezuelo 2019, text")
+LISTING_GATE = replace(GATE, source="Cabezuelo 2019, listing")
 LAYOUT = (("started", 1), ("roll_pitch_yaw_rad", 3), ("covariance", 9))
 
 
@@ -278,7 +291,7 @@ class EulerEkf(KernelFilter):
     )
     PARAMETERS = (DENSITY, ROLL, PITCH, GATE)
     layout = LAYOUT
-    kernel, options = staticmethod(euler_ekf), (False, False)
+    kernel, options = staticmethod(euler_ekf), (0, CORRECTED)
     behaviour = (
         "Yaw is never corrected; near a pitch of a right angle roll and yaw are lost to "
         "one another."
@@ -290,7 +303,7 @@ class EulerEkfSimple(EulerEkf):
 
     name = "euler_ekf_simple"
     source = f"{SOURCE}, eqs 2.9 to 2.25 and 4.7, errors corrected but for the prediction"
-    options = (True, False)
+    options = (1, CORRECTED)
     behaviour = "Yaw drifts under coupled rotation even with a perfect gyroscope."
     known_faults = (
         "it takes each axis of the gyroscope for the rate of an Euler angle, which is "
@@ -299,25 +312,34 @@ class EulerEkfSimple(EulerEkf):
 
 
 class EulerEkfAsPrinted(EulerEkf):
-    """Euler-angle EKF with the improved prediction, with the errors of the publication."""
+    """Euler-angle EKF with the improved prediction, as the text of the publication prints it."""
 
-    name, source = "euler_ekf_as_printed", f"{SOURCE}, eqs 2.9 to 2.25 and 4.4 to 4.6, as printed"
-    PARAMETERS = (PER_SAMPLE, ROLL, PITCH, GATE)
-    options = (False, True)
+    name = "euler_ekf_as_printed"
+    source = f"{SOURCE}, eqs 2.9 to 2.25 and 4.4 to 4.6, as its text prints them"
+    PARAMETERS = (PER_SAMPLE, ROLL, PITCH, TEXT_GATE)
+    options = (0, TEXT)
     behaviour = "Works near level only; tuning depends on the sampling rate."
-    known_faults = (
-        "it starts at zero, knows roll within a right angle only, and has a misprint "
-        "in the rate of roll"
-    )
+    known_faults = "it knows roll within a right angle only, and has a misprint in the rate of roll"
+
+
+class EulerEkfListing(EulerEkfAsPrinted):
+    """Euler-angle EKF with the improved prediction, as the publication's program has it."""
+
+    name = "euler_ekf_listing"
+    source = f"{SOURCE}, the program Euler_estimation in its annex"
+    PARAMETERS = (PER_SAMPLE, ROLL, PITCH, LISTING_GATE)
+    options = (0, LISTING)
+    behaviour = "As euler_ekf_as_printed; its uncertainty stands still while the gate is closed."
+    known_faults = "it starts at zero, and knows roll within a right angle only"
 
 
 class EulerEkfSimpleAsPrinted(EulerEkfAsPrinted):
-    """Euler-angle EKF with the simple prediction, with the errors of the publication."""
+    """Euler-angle EKF with the simple prediction, as the text of the publication prints it."""
 
-    name, source = "euler_ekf_simple_as_printed", f"{SOURCE}, eqs 2.9 to 2.25 and 4.7, as printed"
-    options = (True, True)
+    name = "euler_ekf_simple_as_printed"
+    source = f"{SOURCE}, eqs 2.9 to 2.25 and 4.7, as its text prints them"
+    options = (1, TEXT)
     behaviour = "As euler_ekf_as_printed; yaw drifts under coupled rotation."
     known_faults = (
-        "it starts at zero, knows roll within a right angle only, and takes rates of "
-        "axes for rates of angles"
+        "it knows roll within a right angle only, and takes rates of axes for rates of angles"
     )

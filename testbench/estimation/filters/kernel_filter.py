@@ -41,7 +41,7 @@ class KernelFilter(RecursiveFilter):
 
     sampling: ClassVar[Sampling] = "native"
     kernel: ClassVar[Callable[..., np.ndarray]]
-    options: ClassVar[tuple[bool, ...]] = ()
+    options: ClassVar[tuple[int, ...]] = ()
     layout: ClassVar[tuple[tuple[str, int], ...]]
 
     def advance(

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numba import njit
 
 from testbench.estimation.filters.base import Parameter
 from testbench.estimation.filters.gates import ACC_GATE, MAG_GATE
 from testbench.estimation.filters.kernel_filter import KernelFilter, Readings
-from testbench.estimation.filters.maths import begin, field_deviates, length, to_earth, usable_force
+from testbench.estimation.filters.maths import (
+    GRAVITY,
+    begin,
+    field_deviates,
+    length,
+    to_earth,
+    usable_force,
+)
 
 PAPER = "Madgwick, Harrison & Vaidyanathan, ICORR 2011"
 REPORT = (
@@ -16,16 +25,40 @@ REPORT = (
     "arrays, 2010"
 )
 HALF = float(np.sqrt(0.5))
+BIAS, RAW, UNIT = 0, 1, 2
+"""What zeta does: it sums up a bias (report of 2010), or takes something off the rate of the same
+sample: by the gradient as it is (the thesis's eq. 33), or by the unit gradient (the program that it
+used).
+"""
 ZETA = Parameter(
     "zeta",
     0.0,
     "rad/s^2",
     "rate at which a gyroscope bias is removed; 0: none",
-    f"off; {REPORT}, eq. 50, gives sqrt(3/4) of the bias's rate of change",
+    f"off; {REPORT}, section on gains, gives sqrt(3/4) of the bias's rate of change",
     1e-5,
     0.05,
 )
+THESIS = "de Miguel Pueyo, thesis, Universidad Rey Juan Carlos, 2024"
+VALENTI = "Valenti, Dryanovski & Xiao, Sensors 15(8), 2015"
 BETA = "gain: rate at which the gyroscope's error is corrected"
+
+
+@njit(cache=True)
+def trust(size: float, low: float, high: float) -> float:
+    """Part of the gain that is left where a force is not of gravity's size: all of it below the
+    lower threshold, none above the higher one (Valenti, Dryanovski & Xiao, Sensors 15(8), 2015).
+
+    Args:
+        size: Of the force [m/s^2].
+        low: Relative difference below which it is trusted [1].
+        high: And from which on it is not [1].
+    """
+    # e = | |a| - g | / g, and the gain falls linearly between both thresholds
+    off = abs(size - GRAVITY) / GRAVITY
+    if off <= low:
+        return 1.0
+    return max((high - off) / (high - low), 0.0) if high > low else 0.0
 
 
 @njit(cache=True)
@@ -34,7 +67,8 @@ def madgwick(
     p: np.ndarray,
     state: np.ndarray,
     use_mag: bool,
-    as_printed: bool,
+    zeta_form: int,
+    adaptive: bool = False,
 ) -> np.ndarray:
     """Madgwick's update: the rate of change of q by the gyroscope, less beta times the unit
     gradient of the misfit.
@@ -46,15 +80,16 @@ def madgwick(
     Args:
         readings: Samples of the sensor.
         p: Parameters, shape (k,): beta [rad/s], zeta [rad/s^2], gate of the accelerometer
-            [m/s^2], gate of the magnetometer.
+            [m/s^2], gate of the magnetometer; of an adaptive beta its two thresholds [1].
         state: Kept from chunk to chunk and overwritten, shape (s,): started, q, bias, field of
             reference.
         use_mag: Whether to use the magnetometer.
-        as_printed: Whether zeta corrects the rate of the same sample instead of a bias.
+        zeta_form: What zeta does: `BIAS`, `RAW` or `UNIT`.
+        adaptive: Whether beta is less, the more the force differs from gravity's size.
     """
     # Longer than a screen: one sample's update, in the order of the report's equations.
     gyr, acc, mag, dt = readings
-    beta, zeta = p[0], p[1]
+    zeta = p[1]
     n = gyr.shape[0]
     out = np.empty((n, 4))
     for i in range(n):
@@ -64,6 +99,7 @@ def madgwick(
         w, x, y, z = state[1], state[2], state[3], state[4]
         sw = sx = sy = sz = 0.0
         a = length(acc[i])
+        beta = p[0] * (trust(a, p[4], p[5]) if adaptive else 1.0)
         if usable_force(a, p[2]):
             # misfit of the upward direction in the sensor, f: eq. 25
             f1 = 2.0 * (x * z - w * y) - acc[i, 0] / a
@@ -119,13 +155,10 @@ def madgwick(
                 ex = 2.0 * (w * sx - x * sw - y * sz + z * sy)
                 ey = 2.0 * (w * sy + x * sz - y * sw - z * sx)
                 ez = 2.0 * (w * sz - x * sy + y * sx - z * sw)
-                if as_printed:  # a quaternion with a real part is taken off the rate
-                    g0 = -2.0 * dt[i] * zeta * (w * sw + x * sx + y * sy + z * sz)
-                    gx, gy, gz = (
-                        gx - dt[i] * zeta * ex,
-                        gy - dt[i] * zeta * ey,
-                        gz - dt[i] * zeta * ez,
-                    )
+                if zeta_form != BIAS:  # a quaternion with a real part is taken off the rate
+                    part = dt[i] * zeta * (step if zeta_form == RAW else 1.0)
+                    g0 = -2.0 * part * (w * sw + x * sx + y * sy + z * sz)
+                    gx, gy, gz = gx - part * ex, gy - part * ey, gz - part * ez
                 else:  # eq. 48
                     state[5] += zeta * ex * dt[i]
                     state[6] += zeta * ey * dt[i]
@@ -158,7 +191,7 @@ class MadgwickImu(KernelFilter):
         "large errors take long to go."
     )
 
-    kernel, options = staticmethod(madgwick), (False, False)
+    kernel, options = staticmethod(madgwick), (0, BIAS, 0)
 
 
 class MadgwickMarg(KernelFilter):
@@ -178,24 +211,59 @@ class MadgwickMarg(KernelFilter):
         "tilts it, too."
     )
 
-    kernel, options = staticmethod(madgwick), (True, False)
+    kernel, options = staticmethod(madgwick), (1, BIAS, 0)
+
+
+class MadgwickAdaptive(MadgwickMarg):
+    """Madgwick's filter with a gain that is less, the more the force differs from gravity's."""
+
+    name = "madgwick_adaptive"
+    source = (
+        f"{PAPER}, eqs 12 to 33, with the adaptive gain of Valenti, Dryanovski & Xiao, Sensors "
+        "15(8), 2015"
+    )
+    PARAMETERS = (
+        *MadgwickMarg.PARAMETERS,
+        Parameter(
+            "trust_all",
+            0.1,
+            "1",
+            "relative difference of the force from gravity below which beta is whole",
+            VALENTI,
+            0.01,
+            0.5,
+        ),
+        Parameter(
+            "trust_none",
+            0.2,
+            "1",
+            "and from which on beta is zero",
+            VALENTI,
+            0.02,
+            1.0,
+        ),
+    )
+    behaviour = (
+        "As madgwick_marg where the sensor is not accelerated; elsewhere it follows the gyroscope, "
+        "and the field no longer holds its heading either."
+    )
+    options = (1, BIAS, 1)
 
 
 class MadgwickZetaAsPrinted(MadgwickMarg):
-    """Madgwick's filter with a zeta that corrects the rate of the same sample: no bias is kept."""
+    """Madgwick's filter with a zeta that corrects the rate of the same sample, as the thesis prints
+    it: by the gradient as it is.
+    """
 
     name = "madgwick_zeta_as_printed"
-    source = (
-        "de Miguel Pueyo, thesis, Universidad Rey Juan Carlos, 2024, eqs 22 to 37; gains "
-        "from its section on noise at rest"
-    )
+    source = f"{THESIS}, eqs 22 to 37, as its text prints them"
     PARAMETERS = (
         Parameter("beta", 0.35, "rad/s", BETA, "the thesis's final results", 0.003, 0.5),
         Parameter(
             "zeta",
             0.07,
             "rad/s^2",
-            "adds interval * zeta to beta",
+            "adds interval * zeta * size of the gradient to beta",
             "the thesis's final results",
             1e-3,
             1.0,
@@ -204,7 +272,24 @@ class MadgwickZetaAsPrinted(MadgwickMarg):
         MAG_GATE,
     )
     behaviour = (
+        "Exactly madgwick_marg with beta + interval * zeta * size of the gradient and no bias: its "
+        "zeta removes no drift."
+    )
+    options = (1, RAW, 0)
+
+
+class MadgwickZetaUpstream(MadgwickZetaAsPrinted):
+    """The same by the unit gradient, as the program has it that the thesis used."""
+
+    name = "madgwick_zeta_upstream"
+    source = f"github morgil/madgwick_py, which {THESIS} used"
+    PARAMETERS = (
+        MadgwickZetaAsPrinted.PARAMETERS[0],
+        replace(MadgwickZetaAsPrinted.PARAMETERS[1], meaning="adds interval * zeta to beta"),
+        ACC_GATE,
+        MAG_GATE,
+    )
+    behaviour = (
         "Exactly madgwick_marg with beta + interval * zeta and no bias: its zeta removes no drift."
     )
-
-    kernel, options = staticmethod(madgwick), (True, True)
+    options = (1, UNIT, 0)

@@ -295,9 +295,8 @@ class PiecewiseRecording(SampleAccess):
         middle = int(np.argmax(moving_mean(turning, max(STRETCH // self.every, 1)))) * self.every
         begin = min(max(middle - STRETCH // 2, 0), max(self._count - STRETCH, 0))
         stretch = self._change(self._file.read(begin, begin + STRETCH))
-        return intervals.audit(
-            nominal_rate, arrival_jitter(self.samples), asynchrony(stretch, self._usual) + rate_age
-        )
+        lag = asynchrony(stretch, self._usual).later_by(rate_age)
+        return intervals.audit(nominal_rate, arrival_jitter(self.samples), lag)
 
     def refuses(self, kind: OrientationFilter) -> str | None:
         """See SampleAccess."""

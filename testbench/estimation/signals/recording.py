@@ -17,6 +17,7 @@ from testbench.records.session.samples import TrueAngles
 from testbench.records.session.sensor_file import SensorFile, TruthFile
 from testbench.records.session.session import Session
 from testbench.records.specs.protocol import Body, Estimation, Sensor
+from testbench.records.specs.sensor import list_presets, load_preset
 
 STANDARD_DOWN = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 
@@ -148,9 +149,12 @@ def _has_noise(session: Session, sensor: str) -> bool:
     """Whether a sensor's readings must differ at rest: not those of a simulated one whose data
     sheet states no noise.
     """
-    if session.manifest.sensors[sensor].driver != "simulated":
+    record = session.manifest.sensors[sensor]
+    placed = session.analysis.sensors.get(sensor)
+    if record.driver != "simulated" or (placed is None and record.preset not in list_presets()):
         return True
-    sheet = session.analysis.sensors[sensor].imu()
+    # one that rode on a motion from a file has no place on an arm
+    sheet = load_preset(record.preset or "") if placed is None else placed.imu()
     return any(
         bool(triad.triad().noise_density.any()) for triad in (sheet.accelerometer, sheet.gyroscope)
     )

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import pairwise
+
 import numpy as np
 
 from testbench.frames import NANOSECONDS
@@ -17,6 +20,8 @@ LEAST_LIKENESS = 0.9
 """Correlation of the two signals below which their lag says nothing: noise or linear acceleration
 is most of one of them.
 """
+STRETCHES = 10
+"""Parts of a recording whose scatter tells how sure the lag is."""
 STRETCH = 300_000
 """Consecutive samples of a longer recording, those with most motion, that tell whether the
 accelerometer lags.
@@ -40,9 +45,8 @@ def audit_timing(
     median = usual_interval(np.diff(samples.device_time_ns))
     intervals = IntervalAudit(median)
     intervals.add(samples.device_time_ns, samples.counter)
-    return intervals.audit(
-        nominal_rate, arrival_jitter(samples), asynchrony(samples, median) + rate_age
-    )
+    lag = asynchrony(samples, median).later_by(rate_age)
+    return intervals.audit(nominal_rate, arrival_jitter(samples), lag)
 
 
 def usual_interval(steps_ns: np.ndarray) -> float:
@@ -103,13 +107,13 @@ class IntervalAudit:
         self._squares += float(excess @ excess)
         self._last, self._counter = int(device_time_ns[-1]), int(counter[-1])
 
-    def audit(self, nominal_rate: float | None, jitter: float, lag: float) -> TimingAudit:
+    def audit(self, nominal_rate: float | None, jitter: float, lag: Lag) -> TimingAudit:
         """The audit.
 
         Args:
             nominal_rate: As the data sheet or file says [Hz], or None.
             jitter: Of the arrival [s].
-            lag: How much later than the gyroscope the accelerometer is [s].
+            lag: How much later than the gyroscope the accelerometer is.
         """
         n, span = self._samples, (self._last - self._first) / NANOSECONDS
         mean = self._sum / self._regular if self._regular else float("nan")
@@ -130,7 +134,8 @@ class IntervalAudit:
             lost_packets=self._lost,
             lost_percent=100 * self._lost / (n + self._lost),
             arrival_jitter_ms=1e3 * jitter,
-            acc_after_gyr_ms=1e3 * lag,
+            acc_after_gyr_ms=1e3 * lag.seconds,
+            acc_after_gyr_sd_ms=1e3 * lag.sd,
         )
 
 
@@ -143,18 +148,43 @@ def arrival_jitter(samples: ImuSamples) -> float:
     return float(np.std(delay - time * (float(time @ delay) / spread if spread > 0 else 0.0)))
 
 
-def asynchrony(samples: ImuSamples, interval: float) -> float:
-    """How much later the accelerometer sees a turn than the gyroscope [s]; NaN if nothing tells.
+@dataclass(frozen=True)
+class Lag:
+    """How much later the accelerometer sees a turn than the gyroscope.
+
+    Attributes:
+        seconds: NaN if nothing tells.
+        sd: Its standard uncertainty [s], by the scatter between stretches of the recording.
+    """
+
+    seconds: float = float("nan")
+    sd: float = float("nan")
+
+    def later_by(self, seconds: float) -> Lag:
+        """The same, so much later."""
+        return Lag(self.seconds + seconds, self.sd)
+
+
+# Longer than a screen: both signals, their correlation, and what leaving parts out does to it.
+def asynchrony(samples: ImuSamples, interval: float) -> Lag:
+    """How much later the accelerometer sees a turn than the gyroscope.
 
     While turning, gravity's direction u in the sensor moves as du/dt = -omega x u: the magnitudes
-    of both sides are correlated.
+    of both sides are correlated. The uncertainty is that of leaving one stretch out after the other
+    (jackknife: Efron & Tibshirani, An Introduction to the Bootstrap, 1993, eq. 11.5). What is the
+    same in every stretch, such as what linear acceleration adds to a motion that repeats, is not in
+    it.
+
+    Args:
+        samples: As recorded.
+        interval: Between them [s].
     """
     if (
         not np.isfinite(samples.acc).all()
         or not np.isfinite(samples.gyr).all()
         or len(samples) < 20 * MOST_LAG
     ):
-        return float("nan")
+        return Lag()
     if len(samples) > STRETCH:
         samples = _most_active(samples)
     kernel = np.ones(SMOOTH) / SMOOTH
@@ -168,21 +198,33 @@ def asynchrony(samples: ImuSamples, interval: float) -> float:
     seen = rotation.lengths(np.gradient(u, interval, axis=0))
     expected = rotation.lengths(np.cross(smooth(samples.gyr), u))
     if np.percentile(expected, 95) < np.radians(10):
-        return float("nan")
+        return Lag()
     a, b = seen - seen.mean(), expected - expected.mean()
     lags = np.arange(-MOST_LAG, MOST_LAG + 1)
     begin, end = MOST_LAG, len(a) - MOST_LAG
-    correlation = np.array(
-        [np.einsum("i,i->", a[begin + lag : end + lag], b[begin:end]) for lag in lags]
+    ends = np.linspace(begin, end, STRETCHES + 1).astype(int)
+    # of each stretch, shape (stretches, lags)
+    parts = np.array(
+        [
+            [np.einsum("i,i->", a[low + lag : high + lag], b[low:high]) for lag in lags]
+            for low, high in pairwise(ends)
+        ]
     )
+    correlation = parts.sum(axis=0)
     k = int(np.argmax(correlation))
     begin_k, end_k = begin + lags[k], end + lags[k]
     likeness = correlation[k] / np.sqrt(np.sum(a[begin_k:end_k] ** 2) * np.sum(b[begin:end] ** 2))
     if k in (0, len(lags) - 1) or not likeness > LEAST_LIKENESS:
-        return float("nan")
-    # vertex of the parabola through three points
+        return Lag()
+    without = np.array([_vertex(correlation - part, k) for part in parts])
+    sd = np.sqrt((STRETCHES - 1) / STRETCHES * np.sum((without - without.mean()) ** 2))
+    return Lag(float(lags[k] + _vertex(correlation, k)) * interval, float(sd) * interval)
+
+
+def _vertex(correlation: np.ndarray, k: int) -> float:
+    """How far beside the k-th point the parabola through three points has its vertex."""
     left, top, right = correlation[k - 1 : k + 2]
-    return float((lags[k] + 0.5 * (left - right) / (left - 2 * top + right)) * interval)
+    return float(0.5 * (left - right) / (left - 2 * top + right))
 
 
 def _most_active(samples: ImuSamples) -> ImuSamples:

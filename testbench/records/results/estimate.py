@@ -207,6 +207,7 @@ class TimingAudit:
         arrival_jitter_ms: Standard deviation of the arrival at the host about a straight line.
         acc_after_gyr_ms: How much later the accelerometer sees a turn than the gyroscope; NaN where
             the motion does not tell.
+        acc_after_gyr_sd_ms: Standard uncertainty of that.
     """
 
     samples: int = 0
@@ -223,6 +224,7 @@ class TimingAudit:
     lost_percent: Number = 0.0
     arrival_jitter_ms: Number = float("nan")
     acc_after_gyr_ms: Number = float("nan")
+    acc_after_gyr_sd_ms: Number = float("nan")
 
 
 @dataclass(frozen=True)

@@ -495,3 +495,32 @@ class CycleRow:
     error_sd_deg: Number
     true_sd_deg: Number
     cmc: float | None
+
+
+@dataclass(frozen=True)
+class PlateauRow:
+    """One filter in one plateau.
+
+    Attributes:
+        joint: Its name.
+        filter: That gave the orientations.
+        sequence: Label of the joint's definition.
+        plateau: From 1, in the order of time.
+        begin_s: Since the first sample.
+        end_s: Likewise.
+        typed_deg: What the person read.
+        mean_deg: Of the flexion.
+        sd_deg: Of its samples.
+        error_deg: Mean less typed.
+    """
+
+    joint: str
+    filter: str
+    sequence: str
+    plateau: int
+    begin_s: float
+    end_s: float
+    typed_deg: float
+    mean_deg: float
+    sd_deg: float
+    error_deg: float

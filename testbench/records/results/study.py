@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -14,10 +14,16 @@ from testbench.records.disk.json_file import plain_values, write_json
 from testbench.records.disk.json_record import AS_WRITTEN, Array, read_record
 from testbench.records.disk.replacing import stored
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 FILE = "study.json"
 
 Value = float | str | None
+Settings = Literal["", "published", "ours"]
+"""Whose settings a method runs with; empty where it has none, or both are the same."""
+Print = Literal["", "text", "listing", "upstream code"]
+"""Which print of a publication a method follows: what it says in words and equations, the program
+that it lists, or the library that its authors used; empty where it is none of theirs.
+"""
 
 
 @with_config(ConfigDict(extra="ignore"))  # the ratio, which is written beside its values
@@ -30,23 +36,84 @@ class StudyRow:
         values: One for each column of the table, in its unit; None where there is none.
         published: Those of the publication, in the same order; empty where it has no such row.
         note: More on it, in a sentence.
+        spread: Of ours over the parts, one for each column; empty where one part was run.
+        published_spread: As printed beside the published values; empty where nothing is.
+        settings: Whose settings the method runs with.
+        printed: Which print of the publication the method follows.
+        other: What the published values are, where that is not what ours are: then there is no
+            ratio. Empty where both sides have one definition.
     """
 
     label: str
     values: tuple[Value, ...]
     published: tuple[Value, ...] = ()
     note: str = ""
+    spread: tuple[Value, ...] = ()
+    published_spread: tuple[Value, ...] = ()
+    settings: Settings = ""
+    printed: Print = ""
+    other: str = ""
+
+    @property
+    def title(self) -> str:
+        """The label, with whose settings and which print it is of."""
+        whose = f", {_WHOSE[self.settings]}" if self.settings else ""
+        return self.label + whose + (f", as printed ({self.printed})" if self.printed else "")
+
+    @property
+    def published_title(self) -> str:
+        """Of the published values beneath."""
+        return f"published: {self.other}" if self.other else "published"
 
     @property
     def published_alone(self) -> bool:
         """Whether there is nothing of ours in it."""
         return bool(self.published) and all(value is None for value in self.values)
 
+    def without_published(self) -> StudyRow:
+        """What is ours of it."""
+        return replace(self, published=(), published_spread=(), other="")
+
     def ratio(self, column: int) -> float | None:
-        """Ours divided by the published value; None where either is missing or no number."""
+        """Ours divided by the published value.
+
+        None where either is missing or no number, or they are not of one definition.
+        """
+        if self.other:
+            return None
         ours, theirs = self.values[column], self.published[column] if self.published else None
         numbers = isinstance(ours, int | float) and isinstance(theirs, int | float)
         return float(ours) / float(theirs) if numbers and theirs else None  # type: ignore[arg-type]
+
+
+_WHOSE = {"published": "published settings", "ours": "our settings"}
+
+Explained = Literal["shown", "refuted", "candidate", "open"]
+"""Of a reason: a run shows that it makes the difference; a run shows that it does not; a run shows
+that it could, and nothing tells it from others; nobody knows.
+"""
+
+
+@dataclass(frozen=True)
+class StudyReason:
+    """Why ours and the published values may differ, and what became of the idea.
+
+    Attributes:
+        claim: A sentence.
+        verdict: What a run says of it.
+        run: Key of the table, or caption of the figure, that shows it; empty of an open one alone.
+    """
+
+    claim: str
+    verdict: Explained
+    run: str = ""
+
+    def __post_init__(self) -> None:
+        if (self.verdict == "open") == bool(self.run):
+            raise ValueError(
+                f"a reason that is {self.verdict} needs {'no' if self.run else 'a'} run: "
+                f"{self.claim}"
+            )
 
 
 @dataclass(frozen=True)
@@ -60,10 +127,13 @@ class StudyTable:
         rows: At least one.
         how: How to read it, one line.
         short: Title for lists of contents, "Table <number>" if empty.
-        why: Why ours and the published values differ, in sentences.
+        why: What is to be known of ours beside the published values, in sentences.
         table: Number of the published table; empty without one.
         decimals: Of the numbers of each column.
         ratio_column: Column whose ratio, ours to published, is shown.
+        spread: What the spread of our values is; empty without one.
+        published_spread: What stands beside the published values as their spread.
+        reasons: Why they may differ, each with what a run says of it.
     """
 
     key: str
@@ -76,6 +146,9 @@ class StudyTable:
     decimals: tuple[int, ...] = ()
     ratio_column: int | None = None
     short: str = ""
+    spread: str = ""
+    published_spread: str = ""
+    reasons: tuple[StudyReason, ...] = ()
 
     @property
     def title(self) -> str:
@@ -85,11 +158,21 @@ class StudyTable:
     def __post_init__(self) -> None:
         n = len(self.columns)
         for row in self.rows:
-            if len(row.values) != n or (row.published and len(row.published) != n):
+            others = (row.published, row.spread, row.published_spread)
+            if len(row.values) != n or any(values and len(values) != n for values in others):
                 raise ValueError(
                     f"table {self.key}: row '{row.label}' does not have the {n} values of its "
                     "columns"
                 )
+
+    def without_published(self) -> StudyTable | None:
+        """What is ours of it; None where nothing is."""
+        rows = tuple(row.without_published() for row in self.rows if not row.published_alone)
+        if not rows:
+            return None
+        return replace(
+            self, rows=rows, why="", table="", ratio_column=None, published_spread="", reasons=()
+        )
 
 
 @dataclass(frozen=True)
@@ -155,7 +238,7 @@ class StudyBoxes:
     logarithmic: bool = False
 
 
-CurveKind = Literal["theory", "fit", "simulation", "measurement", "truth"]
+CurveKind = Literal["theory", "fit", "simulation", "measurement", "published", "line", "truth"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,8 +249,8 @@ class StudyCurve:
         name: As the legend has it.
         x: Abscissae, shape (n,); NaN where there is no value.
         y: Ordinates, shape (n,); NaN where there is no value.
-        kind: "theory", "fit" and "truth" are drawn as lines, "simulation" and "measurement" as
-            points.
+        kind: "theory", "fit", "line" and "truth" are drawn as lines, "simulation", "measurement"
+            and "published" as points.
         group: Curves of one group have one colour; the curve's own name if empty.
     """
 
@@ -248,6 +331,7 @@ class StudyRecord:
         curves: Figures of curves in their order.
         surfaces: Figures of surfaces in their order.
         trace: Which numbers come from which session, where not all come from all.
+        simulated: Whether ours come from models of sensors.
     """
 
     name: str
@@ -264,6 +348,7 @@ class StudyRecord:
     curves: tuple[StudyCurves, ...] = ()
     surfaces: tuple[StudySurface, ...] = ()
     trace: str = ""
+    simulated: bool = True
 
     def table(self, key: str) -> StudyTable:
         """A table by its key.
@@ -272,6 +357,26 @@ class StudyRecord:
             KeyError: No such table.
         """
         return {table.key: table for table in self.tables}[key]
+
+    @property
+    def beside_published(self) -> bool:
+        """Whether published values stand beside ours."""
+        return any(row.published for table in self.tables for row in table.rows)
+
+    def without_published(self) -> StudyRecord:
+        """What is ours of it, as of data that the publication says nothing of."""
+        curves = []
+        for figure in self.curves:
+            left = tuple(curve for curve in figure.curves if curve.kind != "published")
+            if left:
+                curves.append(replace(figure, curves=left))
+        tables = (table.without_published() for table in self.tables)
+        return replace(
+            self,
+            tables=tuple(table for table in tables if table is not None),
+            figures=tuple(replace(f, published={}) for f in self.figures if f.boxes),
+            curves=tuple(curves),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; rows carry the ratio of their table's ratio column."""

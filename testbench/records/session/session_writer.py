@@ -39,6 +39,10 @@ DECIDING_PACKAGES = ("imu-testbench", "pin", "ruckig", "numpy", "scipy", "numba"
 RECORDED_PACKAGES = (*DECIDING_PACKAGES, "vqf", "pyarrow")
 
 
+class FolderTaken(SessionError):
+    """Somebody else made the folder first."""
+
+
 class SessionWriter:
     """A session being written.
 
@@ -241,11 +245,16 @@ def make_folder(path: Path) -> None:
     """Make the folder of a session.
 
     Raises:
-        SessionError: It exists, or there is no such place.
+        FolderTaken: It exists.
+        SessionError: There is no such place.
         StorageError: The disk does not take it.
     """
     try:
         path.mkdir(parents=True)
+    except FileExistsError as error:
+        raise FolderTaken(
+            f"the session folder {path} cannot be made: {disk_reason(error)}"
+        ) from None
     except OSError as error:
         refused = StorageError if error.errno in REASONS else SessionError
         raise refused(f"the session folder {path} cannot be made: {disk_reason(error)}") from None

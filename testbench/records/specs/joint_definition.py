@@ -199,6 +199,12 @@ class FlexionAngle(StrictModel):
     sign: Literal[1, -1] = Field(
         default=1, description="-1 where the angle runs against the flexion."
     )
+    seen_from: Literal["proximal", "world"] = Field(
+        default="proximal",
+        description="In whose axes the rotation of the joint is written: conj(q_A) q_F in those of "
+        "the proximal segment, q_F conj(q_A) in the world's, which take both sensors' common "
+        "heading into the angles.",
+    )
     continuous: bool = Field(
         default=False,
         description="Follow the angles from sample to sample through ±180 deg and through the ends "
@@ -227,7 +233,12 @@ class FlexionAngle(StrictModel):
 
     @property
     def label(self) -> str:
-        """The name of its rows and columns, such as ZXZ or isb_elbow."""
+        """The name of its rows and columns, such as ZXZ, isb_elbow or ZXZ_in_world."""
+        return self._kind + ("_in_world" if self.seen_from == "world" else "")
+
+    @property
+    def _kind(self) -> str:
+        """The label of the way in which the rotation is written."""
         if self.sequence is not None:
             return self.sequence
         if isinstance(self.definition, JointRotation):

@@ -44,13 +44,16 @@ FILTER_NAMES = (
     "mahony_marg",
     "madgwick_imu",
     "madgwick_marg",
+    "madgwick_adaptive",
     "madgwick_zeta_as_printed",
+    "madgwick_zeta_upstream",
     "imufilter",
     "ahrsfilter",
     "euler_ekf_simple",
     "euler_ekf",
     "euler_ekf_simple_as_printed",
     "euler_ekf_as_printed",
+    "euler_ekf_listing",
     "ekf_imu",
     "ekf",
     "mekf_imu",
@@ -91,6 +94,11 @@ class Sensor(StrictModel):
     )
     parameters: dict[str, Any] = Field(
         default={}, description="Parameters of the sensor, or changes to those of the preset."
+    )
+    part: str | None = Field(
+        default=None,
+        description="Name that the errors of a simulated sensor are drawn by: sensors of one part "
+        "are one device in several settings, such as at several rates; its own name if null.",
     )
     link: str = Field(description="Link of the arm that carries the sensor, by its URDF name.")
     segment: Segment | None = Field(

@@ -211,6 +211,13 @@ class Clock(StrictModel):
     jitter_us: float = Field(
         default=0.0, ge=0, description="Sampling jitter, standard deviation [us]."
     )
+    accelerometer_lag_ms: float = Field(
+        default=0.0,
+        ge=0,
+        le=1000,
+        description="How much older the force of a sample is than its rate [ms]: of parts whose "
+        "accelerometer and gyroscope are not read at one instant.",
+    )
     latency_ms: float = Field(
         default=0.0, ge=0, description="Shortest delay from sampling to the host [ms]."
     )

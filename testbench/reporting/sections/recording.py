@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation, NoiseRow
 from testbench.records.results.recording_rows import RestRow
@@ -94,7 +96,7 @@ def _timing(estimate: Estimate) -> Table:
                     number(t.longest_gap_ms, 1),
                     number(t.lost_percent, 2),
                     number(t.arrival_jitter_ms, 2),
-                    number(t.acc_after_gyr_ms, 2),
+                    _lag(t.acc_after_gyr_ms, 2 * t.acc_after_gyr_sd_ms),
                 ]
             )
         )
@@ -118,8 +120,16 @@ def _timing(estimate: Estimate) -> Table:
         "How to read: sampling counts the intervals that are no gaps, effective all that arrived; "
         "jitter is the standard deviation of those intervals, bad stamps are repeated or run "
         "backwards, a gap is over 1.5 intervals. The last column is how much later the "
-        "accelerometer sees a turn; a dash means that the motion does not tell.",
+        "accelerometer sees a turn, ± its expanded uncertainty (95 %) by the scatter between "
+        "stretches; a dash means that the motion does not tell.",
     )
+
+
+def _lag(value: float, expanded: float) -> Cell:
+    """A lag with its expanded uncertainty, both [ms]; a dash where the motion does not tell."""
+    if not np.isfinite(value) or not expanded > 0:
+        return number(value, 2)
+    return Cell(f"{to_uncertainty(value, expanded)} ± {digits(expanded, 2)}", kind="number")
 
 
 def _quality(estimate: Estimate) -> Table:

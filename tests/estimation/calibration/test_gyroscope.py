@@ -25,6 +25,7 @@ from testbench.estimation.calibration.turns import (
     GyroscopeRecording,
     Rest,
     Turn,
+    TurnSettings,
 )
 from testbench.estimation.calibration.whitening import Whitening
 from testbench.exceptions import InputError, NotFoundError
@@ -206,7 +207,7 @@ def test_turns_that_do_not_fit_together_are_refused():
         Turn(np.zeros((5, 3)), 0.01, rate=np.zeros((4, 3)))
 
 
-@pytest.mark.parametrize("integrator", ["midpoint", "rk4", "cg4", "trapezoid", "euler"])
+@pytest.mark.parametrize("integrator", ["midpoint", "rk4", "cg4", "trapezoid", "tustin", "euler"])
 def test_the_derivatives_of_the_ends_are_those_of_differences(integrator, wandering):
     rng = np.random.default_rng(13)
     gyroscope = Gyroscope.draw(rng, g=0.1)
@@ -265,6 +266,26 @@ def test_the_correlation_time_is_that_of_the_process(rng):
         slow[k] = 0.8 * slow[k - 1] + white[k]
     assert correlation_time(slow) == pytest.approx((1 + 0.8) / (1 - 0.8), rel=0.15)
     assert correlation_time(np.zeros(100)) == 1.0
+
+
+def test_a_turn_of_a_slower_sensor_is_every_so_many_samples_of_it():
+    rates = np.arange(30.0).reshape(10, 3)
+    turn = Turn(rates, 0.02, force=rates + 1, up_sd=0.1).every(3)
+    np.testing.assert_array_equal(turn.gyr, rates[[0, 3, 6, 9]])
+    np.testing.assert_array_equal(turn.force, rates[[0, 3, 6, 9]] + 1)
+    assert turn.interval == pytest.approx(0.06) and turn.up_sd == 0.1 and turn.rate is None
+    recording = GyroscopeRecording([], [Turn(rates, 0.02)])
+    assert recording.every(1) is recording and len(recording.every(2).turns[0].gyr) == 5
+    with pytest.raises(InputError, match="two samples"):
+        recording.every(20)
+
+
+def test_settings_of_turns_that_cannot_be_are_refused():
+    with pytest.raises(InputError, match="from 1 on"):
+        TurnSettings(every=0)
+    with pytest.raises(NotFoundError, match="tustin"):
+        TurnSettings(integrator="bode")
+    assert TurnSettings(g_sensitivity=False).of_integration == {"g_sensitivity": False}
 
 
 @pytest.mark.parametrize("integrator", sorted(INTEGRATORS))

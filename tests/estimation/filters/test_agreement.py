@@ -28,6 +28,19 @@ SAMPLES, _ = wander()
 DT = SAMPLES.interval
 
 
+def misfit(q, a, m, b):
+    """f of eqs 25 and 29 of the report of 2010."""
+    w, x, y, z = q
+    rows = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+            [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
+            [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return np.concatenate([rows @ [0, 0, 1] - a, rows @ b - m])
+
+
 def skew(v):
     return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
 
@@ -179,17 +192,6 @@ def test_madgwicks_bias_state_is_that_of_the_report():
     """
     beta, zeta = 0.05, 0.02
 
-    def misfit(q, a, m, b):
-        w, x, y, z = q
-        rows = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-                [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
-                [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        return np.concatenate([rows @ [0, 0, 1] - a, rows @ b - m])
-
     ours, state = get_filter("madgwick_marg", {"beta": beta, "zeta": zeta}).advance(SAMPLES)
     q = to_earth_frame(ours[0], "NWU")  # the report has north along x
     bias, expected = np.zeros(3), [q]
@@ -209,11 +211,55 @@ def test_madgwicks_bias_state_is_that_of_the_report():
 
 
 @pytest.mark.parametrize(("beta", "zeta", "rate"), [(0.35, 0.07, 60.0), (0.03, 0.9, 100.0)])
-def test_zeta_as_printed_only_adds_the_interval_times_zeta_to_beta(beta, zeta, rate):
+def test_the_upstream_zeta_only_adds_the_interval_times_zeta_to_beta(beta, zeta, rate):
     samples, _ = wander(20, rate)
-    printed = get_filter("madgwick_zeta_as_printed", {"beta": beta, "zeta": zeta}).run(samples)
+    printed = get_filter("madgwick_zeta_upstream", {"beta": beta, "zeta": zeta}).run(samples)
     plain = get_filter("madgwick_marg", {"beta": beta + zeta / rate}).run(samples)
     assert degrees_between(printed, plain) < 1e-6
+
+
+def test_the_zeta_of_the_text_adds_the_size_of_the_gradient_as_well():
+    """One step from each state against madgwick_marg with beta + T zeta |s|, the gradient s of eqs
+    28 to 30 by complex differences.
+    """
+    samples, _ = wander(3)
+    kind = get_filter("madgwick_zeta_as_printed", {"beta": 0.2, "zeta": 5.0})
+    _, state = kind.advance(samples.piece(slice(0, 1)))
+    sizes = []
+    for i in range(1, len(samples)):
+        now = samples.piece(slice(i, i + 1))
+        q = to_earth_frame(np.array(state["q"]), "NWU")
+        a, m = unit(samples.acc[i]), unit(samples.mag[i])
+        h = matrix(q) @ m
+        b = np.array([np.hypot(h[0], h[1]), 0.0, h[2]])
+        f = misfit(q, a, m, b)
+        jacobian = np.array([misfit(q + 1e-20j * e, a, m, b).imag / 1e-20 for e in np.eye(4)])
+        sizes.append(np.linalg.norm(jacobian @ f))
+        other = get_filter("madgwick_marg", {"beta": 0.2 + DT * 5.0 * sizes[-1]})
+        expected, _ = other.advance(now, {**state, "filter": "madgwick_marg"})
+        ours, state = kind.advance(now, state)
+        assert degrees_between(ours, expected) < 1e-6
+    assert np.ptp(sizes) > 0.01  # they differ from sample to sample
+
+
+def test_the_adaptive_gain_follows_the_gyroscope_where_the_force_is_not_gravity():
+    samples, _ = wander(5)
+    plain = get_filter("madgwick_marg", {"beta": 0.1}).run(samples)
+    at_rest = replace(samples, acc=9.80665 * samples.acc / length(samples.acc))
+    adaptive = get_filter("madgwick_adaptive", {"beta": 0.1})
+    same = get_filter("madgwick_marg", {"beta": 0.1}).run(at_rest)
+    assert degrees_between(adaptive.run(at_rest), same) < 1e-9
+    shaken = replace(at_rest, acc=1.3 * at_rest.acc)
+    none = get_filter("madgwick_marg", {"beta": 0.0}).run(shaken)
+    assert degrees_between(adaptive.run(shaken), none) < 1e-9
+    half = replace(at_rest, acc=1.15 * at_rest.acc)  # half-way between both thresholds
+    middle = get_filter("madgwick_marg", {"beta": 0.05}).run(half)
+    assert degrees_between(adaptive.run(half), middle) < 1e-6
+    assert degrees_between(plain, none) > 0.01
+
+
+def length(vectors):
+    return np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 @pytest.mark.parametrize("name", ["complementary", "complementary_marg"])
@@ -387,15 +433,21 @@ def test_the_corrected_euler_filters_are_the_general_equations_with_numerical_de
     assert degrees_between(ours, theirs) < 1e-4
 
 
-def test_the_printed_euler_filter_is_the_listing_with_its_misprint():
-    """Transcribed with the listing's axes (y and z reversed, force negated), whose earth has z
-    down.
+@pytest.mark.parametrize("text", [False, True])
+def test_the_euler_filters_of_text_and_program_are_their_transcriptions(text):
+    """Transcribed with the program's axes (y and z reversed, force negated), whose earth has z
+    down. The text has cos(pitch) in eq. 4.4, begins with eqs 2.17 and 2.18, gates at 1 m/s^2 and
+    propagates P always.
     """
     samples, _ = wander(5)
-    ours = get_filter("euler_ekf_as_printed").run(samples)
+    ours = get_filter("euler_ekf_as_printed" if text else "euler_ekf_listing").run(samples)
+    gate = 1.0 if text else 0.1
     to_listing = np.array([1.0, -1.0, -1.0])
     gyr, acc = samples.gyr * to_listing, -samples.acc * to_listing
     x, q = np.zeros(3), 1.56e-4**2 * np.eye(3)
+    if text:
+        ax, ay, az = acc[0]
+        x = np.array([np.arctan(ay / az), np.arctan(-ax / np.sqrt(ay**2 + az**2)), 0.0])
     cov, r, h = q.copy(), 0.0014**2 * np.eye(2), np.eye(3)[:2]
     expected = [x]
     for (gx, gy, gz), (ax, ay, az) in zip(gyr[1:], acc[1:], strict=True):
@@ -403,7 +455,7 @@ def test_the_printed_euler_filter_is_the_listing_with_its_misprint():
         sr, cr, tp, sec = np.sin(roll), np.cos(roll), np.tan(pitch), 1 / np.cos(pitch)
         x = np.array(
             [
-                roll + DT * (gx + gy * sr * tp + gz * np.cos(pitch) * tp),
+                roll + DT * (gx + gy * sr * tp + gz * (np.cos(pitch) if text else cr) * tp),
                 pitch + DT * (gy * cr - gz * sr),
                 yaw + DT * (gy * sr + gz * cr) * sec,
             ]
@@ -416,9 +468,11 @@ def test_the_printed_euler_filter_is_the_listing_with_its_misprint():
             ]
         )
         x = (x + np.pi) % (2 * np.pi) - np.pi
-        if abs(np.sqrt(ax**2 + ay**2 + az**2) - 9.80665) < 0.1:
-            z = np.array([np.arctan(ay / az), np.arctan(-ax / np.sqrt(ay**2 + az**2))])
+        if text:
             cov = a @ cov @ a.T + q
+        if abs(np.sqrt(ax**2 + ay**2 + az**2) - 9.80665) < gate:
+            z = np.array([np.arctan(ay / az), np.arctan(-ax / np.sqrt(ay**2 + az**2))])
+            cov = cov if text else a @ cov @ a.T + q
             s = h @ cov @ h.T + r
             gain = cov @ h.T @ np.linalg.inv(s)
             x, cov = x + gain @ (z - x[:2]), cov - gain @ s @ gain.T

@@ -15,7 +15,7 @@ from testbench.model import rotation
 from tests.estimation.gait.walker import SWING_HZ, swinging
 
 
-@pytest.mark.parametrize("filter_name", ["euler_ekf", "euler_ekf_as_printed", "vqf_6d"])
+@pytest.mark.parametrize("filter_name", ["euler_ekf", "euler_ekf_listing", "vqf_6d"])
 @pytest.mark.parametrize("mounting", [*MOUNTINGS, FOUND, "z down"])
 def test_worn_in_any_way_an_euler_filter_gives_the_same_walk(mounting, filter_name) -> None:
     pitch, level = swinging()

@@ -1,0 +1,301 @@
+"""Walks of the study `reference-4`: what devices and filters make of a walker, part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from multiprocessing import get_context
+from os import cpu_count
+
+import numpy as np
+
+from testbench.estimation.filters import UniformSamples, get_filter
+from testbench.estimation.gait import PUBLISHED, PedestrianParameters
+from testbench.estimation.gait.walk import walk
+from testbench.frames import NANOSECONDS
+from testbench.model.heading import heading_drift
+from testbench.model.rigid_motion import RigidMotion
+from testbench.pipeline.simulate import felt
+from testbench.records.specs.sensor import load_preset
+from testbench.studies.bench import StudyBench
+from testbench.studies.pedestrian.walker import REST_BEFORE_S, Walked, Walker, walk_a_path
+
+CORRIDOR, LOOP = 14, 109
+"""Gait cycles of the source's straight corridor (table 10) and of its loop (tables 11 to 14)."""
+LOOP_TURNS = [90.0, 90.0, 90.0, 90.0]
+"""Of the loop; the source has "several"."""
+REPETITIONS_A_PART, RUNS = 4, 3
+"""Of the corridor, which make the source's twenty with five parts; of the loop, as the source."""
+RATE_HZ = 100.0
+"""Of all devices but one with a lower rate: the source's process noise is per sample."""
+DEVICES = {
+    "BNO055, ENU": "bno055",
+    "NGIMU, frontal": "ngimu",
+    "BNO080, ENU": "bno080",
+    "SHIMMER3, frontal": "shimmer3",
+}
+"""As table 10 names them, and their presets."""
+SETTINGS = {
+    "bno055": {"process_rad": 1.56e-4, "roll_sd_rad": 0.0014, "pitch_sd_rad": 0.0014},
+    "ngimu": {"process_rad": 3e-4, "roll_sd_rad": 0.0029, "pitch_sd_rad": 0.0031},
+}
+"""Of the source's filter by device (its eqs 4.1 to 4.3); the others have those of the BNO055."""
+DEVICE, LISTING, TEXT, SIMPLE = (
+    "device",
+    "euler_ekf_listing",
+    "euler_ekf_as_printed",
+    "euler_ekf_simple_as_printed",
+)
+OURS = "euler_ekf"
+FILTERS = (LISTING, TEXT, SIMPLE, OURS)
+PRINTS = {LISTING: "listing", TEXT: "text", SIMPLE: "text"}
+PARAMETERS = {"shank": "shin", "wrist": "wrist", "chest": "chest"}
+"""Names of the places in table 11."""
+PROPERTIES: dict[str, list[tuple[str, Walker]]] = {
+    "stride-to-stride variation": [
+        ("none", Walker(swing_cv=0, length_cv=0, time_cv=0)),
+        ("as measured", Walker()),
+        ("twice", Walker(swing_cv=0.054, length_cv=0.068, time_cv=0.051)),
+    ],
+    "speed": [
+        ("constant", Walker(speed=0)),
+        ("± 20 %", Walker(speed=0.2)),
+    ],
+    "arc of a turn": [("0.7 m", Walker(turn_m=0.7)), ("2.8 m", Walker(turn_m=2.8))],
+    "arm swing": [
+        ("half", Walker(arm_deg=8, elbow_deg=7.4)),
+        ("a quarter", Walker(arm_deg=4, elbow_deg=3.7)),
+    ],
+    "hand in pocket": [("10 %", Walker(pocket=0.1)), ("30 %", Walker(pocket=0.3))],
+    "swing of the chest": [
+        ("3 deg", Walker(chest_deg=3)),
+        ("6 deg", Walker(chest_deg=6)),
+    ],
+}
+"""What decides the figures, and the values that are tried beside those of `Walker`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reckoned:
+    """One walk by one device and filter.
+
+    Attributes:
+        kind: "corridor", "tuning", "loop", or the name of a property with its level.
+        place: Where the sensor sits.
+        device: Name of its preset.
+        filter: Whose orientation was used.
+        part: Of the sensor and the walker.
+        cycles: Walked.
+        distance: Walked [m].
+        end: Where it ended [m], shape (2,).
+        swings: Of each cycle that was found, shape (k,) [deg].
+        headings: During each, shape (k,) [rad].
+        drift_deg: Of the heading from the rest before to the rest after [deg].
+    """
+
+    kind: str
+    place: str
+    device: str
+    filter: str
+    part: int
+    cycles: int
+    distance: float
+    end: np.ndarray
+    swings: np.ndarray
+    headings: np.ndarray
+    drift_deg: float
+
+    @property
+    def cycle_error(self) -> int:
+        """Magnitude."""
+        return abs(len(self.swings) - self.cycles)
+
+    def lengths(self, slope: float, intercept: float) -> np.ndarray:
+        """Of each cycle by a regression, shape (k,) [m] (eq. 2.28)."""
+        return slope * self.swings + intercept
+
+    def distance_error(self, slope: float, intercept: float) -> float:
+        """Magnitude [m]."""
+        return abs(float(self.lengths(slope, intercept).sum()) - self.distance)
+
+    def position_error(self, slope: float, intercept: float) -> float:
+        """Of the end of the path [m] (eq. 2.29)."""
+        moves = self.lengths(slope, intercept)[:, None] * np.column_stack(
+            [np.cos(self.headings), np.sin(self.headings)]
+        )
+        return float(np.linalg.norm(moves.sum(axis=0) - self.end))
+
+    def path(self, slope: float, intercept: float) -> np.ndarray:
+        """After each cycle, from the origin on, shape (k + 1, 2) [m]."""
+        moves = self.lengths(slope, intercept)[:, None] * np.column_stack(
+            [np.cos(self.headings), np.sin(self.headings)]
+        )
+        return np.vstack([np.zeros((1, 2)), np.cumsum(moves, axis=0)])
+
+
+@dataclass
+class Walks:
+    """All walks of all parts.
+
+    Attributes:
+        reckoned: In no order.
+        loop: The path of the first part's first verification from above, shape (n, 2) [m].
+    """
+
+    reckoned: list[Reckoned] = field(default_factory=list)
+    loop: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+
+    def of(self, kind: str, place: str, device: str, filter_name: str) -> list[Reckoned]:
+        """Those of one kind, in the order of their parts.
+
+        Args:
+            kind: See Reckoned.
+            place: Where the sensor sits.
+            device: Name of its preset.
+            filter_name: Whose orientation.
+        """
+        return [
+            one
+            for one in self.reckoned
+            if (one.kind, one.place, one.device, one.filter) == (kind, place, device, filter_name)
+        ]
+
+
+def all_walks(bench: StudyBench) -> Walks:
+    """Walk with every part, side by side in processes.
+
+    Args:
+        bench: Whose seeds are the parts.
+    """
+    found = Walks()
+    processes = min(bench.parts, cpu_count() or 1)
+    with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+        for i, own in enumerate(pool.map(walks_of_part, bench.seeds)):
+            bench.say(f"walks of part {i + 1} of {bench.parts}")
+            found.reckoned += own.reckoned
+            found.loop = own.loop if i == 0 else found.loop
+    return found
+
+
+def walks_of_part(part: int) -> Walks:
+    """The corridor, the loop, and the loop with other properties of the walker.
+
+    Args:
+        part: Seed of the sensors and the walker.
+    """
+    found, usual = Walks(), Walker()
+    for k in range(REPETITIONS_A_PART):
+        walked = walk_a_path(usual, CORRIDOR, [], part, "corridor", str(k))
+        for device in DEVICES.values():
+            found.reckoned += reckon(walked, "corridor", "shank", device, part)
+        found.reckoned += reckon(walked, "corridor", "thigh", "ngimu", part)
+    for k in range(RUNS + 1):
+        walked = walk_a_path(usual, LOOP, LOOP_TURNS, part, "loop", str(k))
+        kind = "loop" if k else "tuning"
+        found.loop = walked.path if k == 1 else found.loop
+        for place in PARAMETERS:
+            for device in ("ngimu", "bno080"):
+                found.reckoned += reckon(walked, kind, place, device, part)
+    for name, levels in PROPERTIES.items():
+        for level, walker in levels:
+            walked = walk_a_path(walker, LOOP, LOOP_TURNS, part, "loop", "1")
+            for place in PARAMETERS:
+                kind = f"{name}: {level}"
+                found.reckoned += reckon(walked, kind, place, "ngimu", part, (LISTING,))
+    for fast in (0.85, 1.15):
+        walker = replace(usual, stride_m=usual.stride_m * fast, stride_s=usual.stride_s / fast)
+        scaled = replace(walker, speed=0.0)
+        walked = walk_a_path(scaled, LOOP, [], part, "speeds", str(fast))
+        found.reckoned += reckon(walked, "speeds", "shank", "ngimu", part, (LISTING,))
+    return found
+
+
+def reckon(
+    walked: Walked,
+    kind: str,
+    place: str,
+    device: str,
+    part: int,
+    filters: Sequence[str] = FILTERS,
+) -> list[Reckoned]:
+    """One walk by every filter, and by the device where it reports angles.
+
+    Args:
+        walked: The walk.
+        kind: See Reckoned.
+        place: Where the sensor sits.
+        device: Name of its preset.
+        part: Seed of the sensor.
+        filters: Names.
+    """
+    samples, time_ns = readings(walked.bodies[place], f"{device}_{place}", device, part)
+    position = PARAMETERS.get(place, "shin")
+    name = f"{'bno080' if device == 'bno080' else 'ngimu'}_{position}"
+    parameters = PUBLISHED[name]
+    own = {key: _orientations(key, device, samples, time_ns) for key in filters}
+    if samples.device_q is not None and device == "bno055":
+        own[DEVICE] = samples.device_q
+    return [
+        _one(walked, (kind, place, device, key, part), time_ns, q, parameters)
+        for key, q in own.items()
+    ]
+
+
+def _one(
+    walked: Walked,
+    key: tuple[str, str, str, str, int],
+    time_ns: np.ndarray,
+    q: np.ndarray,
+    parameters: PedestrianParameters,
+) -> Reckoned:
+    found = walk(time_ns, q, parameters)
+    # the walker's heading in the rests, which turns by the path
+    turned = float(np.degrees(heading_drift(time_ns, q, None, 0.02).drift))
+    true = LOOP_TURNS if key[0] not in ("corridor", "speeds") else []
+    drift = (turned - sum(true) + 180) % 360 - 180 if true else turned
+    return Reckoned(
+        *key,
+        walked.cycles,
+        walked.distance,
+        walked.end,
+        np.degrees(found.cycles.swing),
+        found.headings,
+        drift,
+    )
+
+
+def readings(
+    body: RigidMotion, name: str, device: str, part: int
+) -> tuple[UniformSamples, np.ndarray]:
+    """What a device reads, and when by its own clock [ns].
+
+    Args:
+        body: That it rides on.
+        name: Selects its random numbers.
+        device: Name of its preset.
+        part: Seed.
+    """
+    sheet = load_preset(device)
+    slower = sheet.model_copy(update={"rate_hz": min(sheet.rate_hz, RATE_HZ)})
+    samples, imu = felt(name, slower, device, body, part)
+    time_ns = samples.device_time_ns - samples.device_time_ns[0]
+    return (
+        UniformSamples(1 / imu.rate, samples.gyr, samples.acc, None, samples.device_q),
+        time_ns,
+    )
+
+
+def _orientations(
+    name: str, device: str, samples: UniformSamples, time_ns: np.ndarray
+) -> np.ndarray:
+    """By a filter of the source with its settings, or by ours, shape (n, 4).
+
+    Ours takes the gyroscope's zero from the rest before the walk; the source's has no bias.
+    """
+    if name == OURS:
+        rest = time_ns < (REST_BEFORE_S - 1) * NANOSECONDS
+        samples = replace(samples, gyr=samples.gyr - samples.gyr[rest].mean(axis=0))
+        return get_filter(name).run(samples)
+    settings = SETTINGS.get(device, SETTINGS["bno055"])
+    return get_filter(name, settings).run(samples)
