@@ -3,7 +3,7 @@
     from testbench import plan, execute, estimate, evaluate
 
 The four stages, `gait` of a walk beside them with its `GaitSettings`, `RunOptions` of a run, and
-`Session` to open a recording; each is loaded when it is first used.
+`Session` to open a recording, and `plot`, its figures; each is loaded when it is first used.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from testbench.execution import RunOptions, execute
     from testbench.planning import plan
     from testbench.records.session.session import Session
+    from testbench.reporting import plot
     from testbench.reporting.report import report
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "execute",
     "gait",
     "plan",
+    "plot",
     "report",
 ]
 
@@ -55,6 +57,8 @@ if "numpy" not in sys.modules:
 
 
 def __getattr__(name: str) -> Any:
+    if name == "plot":
+        return import_module("testbench.reporting.plot")
     if name not in _HOMES:
         raise AttributeError(f"module 'testbench' has no attribute '{name}'")
     return getattr(import_module(_HOMES[name]), name)

@@ -93,7 +93,7 @@ def test_the_wheel_carries_the_package_its_data_and_nothing_else(wheel: Path) ->
     expected = {path.relative_to(ROOT).as_posix() for path in source_files("testbench")}
     expected |= {
         f"testbench/shipped/{path.relative_to(ROOT).as_posix()}"
-        for path in source_files("robots", "protocols")
+        for path in source_files("robots", "protocols", "docs/terms.md")
     }
     assert packed == expected
 

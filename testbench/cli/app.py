@@ -271,6 +271,17 @@ def report(
     sequence: SequenceOption = None,
     returned: ReturnedOption = False,
     repeats: RepeatsOption = None,
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="Print it to report.pdf as well, by a browser.")
+    ] = False,
+    band: Annotated[
+        Path | None,
+        typer.Option(
+            "--band",
+            help="Normal band behind average cycles: a YAML file (docs/joint_angles.md), or "
+            "`gait_boys`.",
+        ),
+    ] = None,
     no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -280,12 +291,15 @@ def report(
     opened = session_of(session, no_verify)
     asked = analysis_request(filters, parameters, calibration, tuned)
     wanted = beside(described_by(asked, compare, sequence, returned), repeats, no_verify)
+    wanted = wanted.model_copy(update={"printed": pdf, "band": optional(band)})
     result = analyse(opened, wanted)
     if json:
         say_json(result.to_dict())
     else:
         say_findings(result.evaluation.findings)
         say(f"report: {result.report}")
+        if result.printed:
+            say(f"printed: {result.printed}")
 
 
 @app.command()

@@ -27,7 +27,7 @@ from testbench.evaluation.magnetic import (
     field_error_rows,
     field_rows,
 )
-from testbench.evaluation.noise import LongRest, noise_rows, norm_error_percent
+from testbench.evaluation.noise import LongRest, noise_of, norm_error_percent
 from testbench.evaluation.orientation import (
     SensorErrors,
     lost_truth,
@@ -55,7 +55,12 @@ from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import SEVERITY, Evaluation, Metric, Outcome, ResultTables
 from testbench.records.results.evaluation_rows import TunedRow
 from testbench.records.session.earlier_steps import earlier_steps
-from testbench.records.session.layout import joint_table, magnetic_table, orientation_table
+from testbench.records.session.layout import (
+    allan_table,
+    joint_table,
+    magnetic_table,
+    orientation_table,
+)
 from testbench.records.session.plan import PlannedStep, judged_steps
 from testbench.records.session.samples import ImuSamples, Truth
 from testbench.records.session.session import RunStatus, Session
@@ -100,7 +105,9 @@ def evaluate(
     norms: list[Metric] = []
     for name in estimate.sensors:
         rest = LongRest.longest(session, name, estimate.sensors[name])
-        parts.append(ResultTables(noise=noise_rows(name, rest)))
+        noise = noise_of(name, rest)
+        curves = {allan_table(name): noise.curves} if noise.curves else {}
+        parts.append(ResultTables(noise=noise.rows, series=curves))
         parts.append(_sensor_tables(session, estimate, name, steps, arm))
         parts.append(ResultTables(findings=unaligned.get(name, [])))
         norms += _norm_metrics(name, rest)

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
-from testbench.model.allan import Coefficient, NoiseCoefficients, allan_deviation, fit_noise
+from testbench.model.allan import (
+    FLICKER,
+    AllanCurve,
+    Coefficient,
+    NoiseCoefficients,
+    allan_deviation,
+    fit_noise,
+)
 from testbench.records.results.estimate import SensorEstimate
 from testbench.records.results.evaluation import NoiseRow
 from testbench.records.session.samples import ACC, AXES, GYR, MAG
@@ -137,56 +144,85 @@ class LongRest:
         return highest > lowest
 
 
-def noise_rows(sensor: str, rest: LongRest | None) -> list[NoiseRow]:
-    """Mean, standard deviation and Allan coefficients of each axis over a rest."""
+@dataclass(frozen=True)
+class NoiseFound:
+    """The noise of a sensor over a rest.
+
+    Attributes:
+        rows: Mean, standard deviation and Allan coefficients of each axis.
+        curves: Averaging times, and of each axis that is not silent its Allan deviation with the
+            ends of its 68.3 % interval, and the straight lines of the parts that the fit found, NaN
+            where it found none: in the unit of the bias instability, shape (k,) each.
+    """
+
+    rows: list[NoiseRow] = field(default_factory=list)
+    curves: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+def noise_of(sensor: str, rest: LongRest | None) -> NoiseFound:
+    """What a sensor reads over a rest; nothing without one."""
+    found = NoiseFound()
     if rest is None:
-        return []
+        return found
     rate = (rest.count - 1) / rest.span
-    rows = []
     for quantity, columns in (("acc", ACC), ("gyr", GYR), ("mag", MAG)):
         if not rest.varies(columns):
             continue
-        unit, size, white_unit, white_size, bias_unit, bias_size, walk_unit, walk_size = UNITS[
-            quantity
-        ]
         for axis, column in zip(AXES, columns, strict=True):
-            signal = rest.read(column)
-            coefficients = (
-                fit_noise(allan_deviation(signal, rate)) if signal.min() < signal.max() else SILENT
-            )
-            density = _found(coefficients.white, white_size / np.sqrt(2))  # one-sided
-            walk_name, walk_factor = RANDOM_WALK[quantity]
-            random_walk = (
-                coefficients.white.value * walk_factor
-                if coefficients.white.found and walk_factor
-                else None
-            )
-            bias, walk = (
-                _found(coefficients.bias_instability, bias_size),
-                _found(coefficients.rate_random_walk, walk_size),
-            )
-            rows.append(
-                NoiseRow(
-                    sensor,
-                    quantity,
-                    axis,
-                    rest.count,
-                    rest.span,
-                    float(signal.mean() / size),
-                    float(signal.std(ddof=1) / size),
-                    unit,
-                    *density,
-                    white_unit,
-                    random_walk,
-                    walk_name,
-                    *bias,
-                    bias_unit,
-                    *walk,
-                    walk_unit,
-                    coefficients.bandwidth_hz,
-                )
-            )
-    return rows
+            signal, coefficients = rest.read(column), SILENT
+            if signal.min() < signal.max():
+                curve = allan_deviation(signal, rate)
+                coefficients = fit_noise(curve)
+                found.curves.update(_columns(f"{quantity}_{axis}", curve, coefficients))
+            found.rows.append(_row(sensor, f"{quantity}_{axis}", rest.span, signal, coefficients))
+    return found
+
+
+def _row(
+    sensor: str, name: str, span: float, signal: np.ndarray, coefficients: NoiseCoefficients
+) -> NoiseRow:
+    """What the readings of an axis, `gyr_x`, come to, in the units of data sheets."""
+    quantity, _, axis = name.partition("_")
+    unit, size, white_unit, white_size, bias_unit, bias_size, walk_unit, walk_size = UNITS[quantity]
+    walk_name, walk_factor = RANDOM_WALK[quantity]
+    walks = coefficients.white.found and walk_factor
+    return NoiseRow(
+        sensor,
+        quantity,
+        axis,
+        len(signal),
+        span,
+        float(signal.mean() / size),
+        float(signal.std(ddof=1) / size),
+        unit,
+        *_found(coefficients.white, white_size / np.sqrt(2)),  # one-sided
+        white_unit,
+        coefficients.white.value * walk_factor if walks else None,
+        walk_name,
+        *_found(coefficients.bias_instability, bias_size),
+        bias_unit,
+        *_found(coefficients.rate_random_walk, walk_size),
+        walk_unit,
+        coefficients.bandwidth_hz,
+    )
+
+
+def _columns(name: str, curve: AllanCurve, fit: NoiseCoefficients) -> dict[str, np.ndarray]:
+    """An Allan curve of an axis, `gyr_x`, and the parts of its fit, as columns (IEEE Std 952-1997,
+    annex C).
+    """
+    tau, size = curve.tau, UNITS[name.partition("_")[0]][5]
+    lines = {
+        "white": (fit.white, 1 / np.sqrt(tau)),
+        "flicker": (fit.bias_instability, np.full(len(tau), np.sqrt(FLICKER))),
+        "walk": (fit.rate_random_walk, np.sqrt(tau / 3)),
+    }
+    columns = {"": curve.deviation, "_lower": curve.lower, "_upper": curve.upper}
+    columns |= {
+        f"_{part}": (own.value if own.found else np.nan) * line
+        for part, (own, line) in lines.items()
+    }
+    return {"tau_s": tau} | {name + end: values / size for end, values in columns.items()}
 
 
 def norm_error_percent(rest: LongRest | None) -> float | None:

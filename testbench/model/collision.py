@@ -7,10 +7,17 @@ from dataclasses import dataclass
 import coal
 import numpy as np
 import pinocchio as pin
+from scipy.spatial import ConvexHull
 
 from testbench.model.kinematics import Kinematics
 
 FLOOR = "the floor"
+ROUND = 24
+"""Corners of a circle, where a round body becomes flat faces."""
+COARSE_M, FEW_CORNERS = 0.004, 200
+"""Corners of a mesh that are nearer to one another than the first are one, where it has more of
+them than the second [m].
+"""
 
 
 @dataclass(frozen=True)
@@ -122,3 +129,84 @@ def _convex(shape: coal.CollisionGeometry) -> coal.CollisionGeometry:
         return shape
     shape.buildConvexHull(True, "Qt")
     return shape.convex
+
+
+@dataclass(frozen=True)
+class Solid:
+    """The convex hull of a collision body, where it stands at one configuration.
+
+    Attributes:
+        link: That it belongs to.
+        corners: In the world, shape (n, 3) [m].
+        triangles: Rows of `corners`, counter-clockwise seen from outside, shape (m, 3).
+    """
+
+    link: str
+    corners: np.ndarray
+    triangles: np.ndarray
+
+
+def solids(kinematics: Kinematics, q: np.ndarray) -> list[Solid]:
+    """The collision bodies of an arm as convex hulls; those without an end are left out.
+
+    Args:
+        kinematics: The arm.
+        q: Joint angles in the robot's order, shape (n_joints,) [rad].
+
+    Raises:
+        FileProblems: A mesh cannot be found or read.
+    """
+    geometry, model = kinematics.collision_geometry(), kinematics.model
+    placed = geometry.createData()
+    pin.updateGeometryPlacements(
+        model, model.createData(), geometry, placed, kinematics.configuration(q)
+    )
+    base = kinematics.world_from_base
+    found = []
+    for body, pose in zip(geometry.geometryObjects, placed.oMg, strict=True):
+        points = _corners(body.geometry)
+        if points is None:
+            continue
+        points = points * np.asarray(body.meshScale) if _is_mesh(body.geometry) else points
+        hull = ConvexHull(_coarse(points))
+        corners, triangles = hull.points, hull.simplices.copy()
+        a, b, c = (corners[triangles[:, i]] for i in range(3))
+        inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+        triangles[inwards] = triangles[inwards][:, ::-1]
+        in_base = corners @ pose.rotation.T + pose.translation
+        in_world = in_base @ base.R.T + base.position
+        found.append(Solid(str(model.frames[body.parentFrame].name), in_world, triangles))
+    return found
+
+
+def _is_mesh(shape: coal.CollisionGeometry) -> bool:
+    return isinstance(shape, coal.BVHModelBase | coal.ConvexBase)
+
+
+def _corners(shape: coal.CollisionGeometry) -> np.ndarray | None:
+    """Points whose convex hull is the body, shape (n, 3) [m]; None for a body without an end."""
+    if isinstance(shape, coal.BVHModelBase):
+        return np.asarray(shape.vertices()).reshape(-1, 3)
+    if isinstance(shape, coal.Box):
+        signs = np.array(np.meshgrid(*[[-1, 1]] * 3)).reshape(3, -1).T
+        return np.asarray(signs * np.asarray(shape.halfSide).ravel())
+    angles = 2 * np.pi * np.arange(ROUND) / ROUND
+    circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(ROUND)])
+    if isinstance(shape, coal.Cylinder):
+        ends = [0.0, 0.0, shape.halfLength]
+        return np.concatenate([shape.radius * circle + ends, shape.radius * circle - ends])
+    if isinstance(shape, coal.Sphere | coal.Capsule):
+        half = shape.halfLength if isinstance(shape, coal.Capsule) else 0.0
+        heights = np.sin(np.linspace(0, np.pi / 2, ROUND // 4 + 1))
+        rings = [np.sqrt(1 - h**2) * circle + [0.0, 0.0, h] for h in heights]
+        cap = shape.radius * np.concatenate(rings)
+        up = cap + np.array([0.0, 0.0, half])
+        return np.concatenate([up, up * [1, 1, -1]])
+    return None
+
+
+def _coarse(points: np.ndarray) -> np.ndarray:
+    """The same corners, of which those close together are one."""
+    if len(points) <= FEW_CORNERS:
+        return points
+    return np.unique(np.round(points / COARSE_M), axis=0) * COARSE_M

@@ -19,10 +19,11 @@ from testbench.pipeline.request import AnalysisRequest
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.evaluation_rows import PlateauRow
-from testbench.records.session.layout import REPORT
+from testbench.records.session.layout import PRINTED, REPORT
 from testbench.records.session.plan import Plan
 from testbench.records.session.session import Session
 from testbench.records.session.session_lock import session_locked
+from testbench.records.specs.band import load_band
 from testbench.records.specs.injected_error import InjectedError
 
 
@@ -36,6 +37,7 @@ class Result:
         estimate: Of it.
         evaluation: Of that.
         report: The page; None where none was asked for.
+        printed: The same on paper; None where that was not asked for.
         exports: Files for other programs that were asked for.
     """
 
@@ -45,6 +47,7 @@ class Result:
     evaluation: Evaluation
     report: Path | None
     exports: list[Exported] = field(default_factory=list)
+    printed: Path | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -53,6 +56,7 @@ class Result:
             "outcome": self.evaluation.outcome,
             "simulated": self.session.simulated,
             "report": str(self.report) if self.report else None,
+            **({"printed": str(self.printed)} if self.printed else {}),
         }
 
 
@@ -81,9 +85,10 @@ def analyse(
     evaluated = evaluate(session, estimated, loaded.settings(session))
     evaluated = judged_with_repeats(session, estimated, evaluated, loaded)
     evaluated.save(session.path)
-    page = _report(session, estimated, evaluated) if loaded.asked.report else None
+    page = _report(session, estimated, evaluated, loaded.asked) if loaded.asked.report else None
     exports = [export_estimate(session, wanted, estimated) for wanted in loaded.asked.exports]
-    return Result(plan, session, estimated, evaluated, page, exports)
+    printed = _printed(page) if page is not None and loaded.asked.printed else None
+    return Result(plan, session, estimated, evaluated, page, exports, printed)
 
 
 def examine(
@@ -150,11 +155,20 @@ def judge_again(session: Session, asked: AnalysisRequest | None = None) -> Evalu
     evaluated = judged_with_repeats(session, estimated, evaluated, loaded)
     evaluated.save(session.path)
     if reported:
-        _report(session, estimated, evaluated)
+        _report(session, estimated, evaluated, loaded.asked)
     return evaluated
 
 
-def _report(session: Session, estimated: Estimate, evaluated: Evaluation) -> Path:
+def _report(
+    session: Session, estimated: Estimate, evaluated: Evaluation, asked: AnalysisRequest
+) -> Path:
     from testbench.reporting.report import report
 
-    return report(session, estimated, evaluated)
+    band = None if asked.band is None else load_band(asked.band)
+    return report(session, estimated, evaluated, band)
+
+
+def _printed(page: Path) -> Path:
+    from testbench.reporting.page.printing import print_page
+
+    return print_page(page, page.with_name(PRINTED))

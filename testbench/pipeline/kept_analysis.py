@@ -38,6 +38,7 @@ def kept_analysis(asked: AnalysisRequest) -> dict[str, Any]:
             "tunings": tuple(map(_whole, asked.tunings)),
             "exports": tuple(map(_whole_export, asked.exports)),
             "repeats": None if asked.repeats is None else _whole(asked.repeats),
+            "band": None if asked.band is None else _whole_file(asked.band),
         }
     )
     return whole.model_dump(mode="json", exclude_defaults=True)
@@ -76,6 +77,8 @@ def analysis_to_go_on(session: Session, asked: AnalysisRequest) -> AnalysisReque
         **choice,
         repeats=asked.repeats or kept.repeats,
         report=asked.report and kept.report,
+        printed=asked.printed or kept.printed,
+        band=asked.band or kept.band,
         exports=asked.exports or kept.exports,
     )
 
@@ -96,6 +99,11 @@ def _is_code(name: str) -> bool:
 
 def _whole(path: str) -> str:
     return str(Path(path).absolute())
+
+
+def _whole_file(name: str) -> str:
+    """A file by its whole path; the name of what ships as it is."""
+    return _whole(name) if Path(name).is_file() else name
 
 
 def _whole_class(name: str) -> str:

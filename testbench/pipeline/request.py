@@ -133,6 +133,14 @@ class AnalysisRequest(Asked):
         "hashes of their manifests first.",
     )
     report: bool = Field(default=True, description="Whether to write report.html.")
+    printed: bool = Field(
+        default=False, description="Whether to print it to report.pdf, by a browser."
+    )
+    band: Place | None = Field(
+        default=None,
+        description="Normal band to draw behind average cycles: file, or the name of one that "
+        "ships.",
+    )
     exports: tuple[ExportRequest, ...] = Field(
         default=(),
         description="Formats to write the session in; a filter of theirs is one that was run.",

@@ -14,9 +14,11 @@ from testbench.records.results.calibration import MountingCalibration, TriadCali
 from testbench.records.results.calibration_result import CalibrationResult
 from testbench.records.results.fit import Fit
 from testbench.records.specs.published import load_published
-from testbench.reporting.page.figures import Axis, heat_map
+from testbench.reporting.page.figures import Axis, Curve, error_curves, heat_map
 from testbench.reporting.page.page import Block, Figures, Page, Section, Sentence, Tile
+from testbench.reporting.page.palette import COLOURS, REFERENCE
 from testbench.reporting.page.render import render_page
+from testbench.reporting.page.space import sphere
 from testbench.reporting.page.tables import (
     Cell,
     Row,
@@ -361,6 +363,62 @@ def _mounting(found: MountingCalibration) -> Section:
     )
 
 
+def _norm_errors(readings: np.ndarray) -> np.ndarray:
+    """Of the length of gravity, shape (n,) [mg]."""
+    return (np.linalg.norm(readings, axis=1) - STANDARD_GRAVITY) * MILLI_G
+
+
+def _pose_figures(result: CalibrationResult) -> list[Block]:
+    """The length of gravity before and after, and where in the sensor it pointed."""
+    poses = result.poses
+    if len(poses.start) < 2:
+        return []
+    before, after = _norm_errors(poses.raw), _norm_errors(poses.corrected)
+    numbers = list(range(1, len(before) + 1))
+    curves = [
+        Curve(
+            f"{name}: mean {digits(float(values.mean()), 2)}, {digits(float(values.min()), 2)} to "
+            f"{digits(float(values.max()), 2)} mg",
+            numbers,
+            values.tolist(),
+            colour,
+            symbol=symbol,
+        )
+        for name, values, colour, symbol in (
+            ("raw", before, REFERENCE, "circle-open"),
+            ("corrected", after, COLOURS[0], "circle"),
+        )
+    ]
+    directions = poses.raw / np.linalg.norm(poses.raw, axis=1, keepdims=True)
+    return [
+        Figures(
+            "Length of gravity in each pose, before and after",
+            {
+                "error of the length of gravity in each pose": error_curves(
+                    curves, "pose", "|g| error [mg]", signed=True
+                )
+            },
+            "How to read: how far the length of the mean reading is from 9.80665 m/s²; after the "
+            "correction it is the noise that is left, and what the model does not hold.",
+        ),
+        Figures(
+            "Where the poses lie",
+            {
+                "directions of gravity in the sensor": sphere(
+                    "Direction of gravity in the sensor",
+                    directions,
+                    after,
+                    "|g| error [mg]",
+                    "sensor",
+                )
+            },
+            "How to read: a point is a pose; where the sphere is bare the calibration knows "
+            "nothing of its own. Colours are what is left after the correction. Drag to turn.",
+            folded=True,
+        ),
+    ]
+
+
 def _poses(result: CalibrationResult) -> Section:
     poses = result.poses
     rows = []
@@ -401,7 +459,7 @@ def _poses(result: CalibrationResult) -> Section:
         "How to read: mean raw readings at rest, and what the calibration that was fitted to these "
         "poses leaves of them; the last column is against 9.80665 m/s².",
     )
-    return Section("poses", "Poses", [table])
+    return Section("poses", "Poses", [*_pose_figures(result), table])
 
 
 def _segmentation(result: CalibrationResult) -> Section:

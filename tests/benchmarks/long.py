@@ -18,6 +18,7 @@ from tests.benchmarks.intervals import bench_intervals
 from tests.benchmarks.joints_of_people import bench_joints
 from tests.benchmarks.lack_of_fit import bench_lack_of_fit
 from tests.benchmarks.lasting_errors import bench_lasting_errors
+from tests.benchmarks.looks import bench_looks
 from tests.benchmarks.mutated_imports import bench_mutated_imports
 from tests.benchmarks.mutations import bench_mutations
 from tests.benchmarks.networks import bench_networks
@@ -36,6 +37,7 @@ CAMPAIGNS: list[Callable[[], bool]] = [
     bench_joints,
     bench_lack_of_fit,
     bench_lasting_errors,
+    bench_looks,
     bench_mutations,
     bench_mutated_imports,
     bench_networks,

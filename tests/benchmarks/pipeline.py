@@ -21,6 +21,8 @@ beside busy loops in processor time.
 """
 LARGEST_MB = 90
 """What the session is meant to stay below."""
+LARGEST_REPORT_MB, SLOWEST_REPORT_S = 6, 1
+"""And its report, in size and in the time that it takes."""
 REPEATS = 3
 
 
@@ -33,12 +35,14 @@ class _Run:
         processor: Time that all threads of this process took [s].
         robot_seconds: Length of the motion [s].
         session_mb: Of all files of the session.
+        report_mb: Of its report.
     """
 
     wall: dict[str, float] = field(default_factory=dict)
     processor: dict[str, float] = field(default_factory=dict)
     robot_seconds: float = 0.0
     session_mb: float = 0.0
+    report_mb: float = 0.0
 
     def stage(self, name: str, call: Callable[[], Any]) -> Any:
         """Time a stage; gives what it returned."""
@@ -92,6 +96,8 @@ def bench_pipeline() -> list[Bar]:
             at_least=True,
         ),
         Bar(f"session of {PROTOCOL}", alone.session_mb, LARGEST_MB, "MB"),
+        Bar(f"report of {PROTOCOL}", alone.report_mb, LARGEST_REPORT_MB, "MB"),
+        Bar(f"report of {PROTOCOL}, time", alone.wall["report"], SLOWEST_REPORT_S, "s"),
     ]
 
 
@@ -105,8 +111,9 @@ def _run(folder: Path) -> _Run:
     run.stage("save estimate", lambda: estimated.save(session.path))
     evaluated = run.stage("evaluate", lambda: evaluate(session, estimated))
     run.stage("save evaluation", lambda: evaluated.save(session.path))
-    run.stage("report", lambda: report(session, estimated, evaluated))
+    page = run.stage("report", lambda: report(session, estimated, evaluated))
     run.robot_seconds = the_plan.duration
     files = (file for file in session.path.rglob("*") if file.is_file())
+    run.report_mb = page.stat().st_size / 1e6
     run.session_mb = sum(file.stat().st_size for file in files) / 1e6
     return run

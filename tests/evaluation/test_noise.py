@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from testbench.evaluation.noise import LongRest, longest_rest, noise_rows, norm_error_percent
+from testbench.evaluation.noise import LongRest, longest_rest, noise_of, norm_error_percent
 from testbench.frames import STANDARD_GRAVITY
 from testbench.model.imu import TriadModel
 from testbench.records.session.samples import ImuSamples
@@ -30,7 +30,7 @@ def rest_of(samples):
 
 def test_the_data_sheet_that_was_simulated_is_measured_again():
     samples = at_rest()
-    rows = {(row.quantity, row.axis): row for row in noise_rows("dot", rest_of(samples))}
+    rows = {(row.quantity, row.axis): row for row in noise_of("dot", rest_of(samples)).rows}
     for axis, density in (("x", 120.0), ("y", 120.0), ("z", 200.0)):
         row = rows["acc", axis]
         assert row.noise_density_unit == "ug/sqrt(Hz)"
@@ -75,15 +75,15 @@ def test_a_rest_is_found_at_any_rate_and_ends_at_a_gap(rate):
 def test_a_short_rest_gives_no_row():
     time = at_rest(seconds=5.0).device_time_ns
     assert longest_rest(time, np.ones(len(time), bool)) is None
-    assert noise_rows("dot", None) == [] and norm_error_percent(None) is None
+    assert noise_of("dot", None).rows == [] and norm_error_percent(None) is None
 
 
 def test_a_quantity_that_is_unknown_somewhere_or_never_changes_gives_no_row():
     samples = at_rest()
     samples.gyr[100, 1] = np.nan
     samples.acc[:] = [0.0, 0.0, STANDARD_GRAVITY]
-    assert {row.quantity for row in noise_rows("dot", rest_of(samples))} == {
+    assert {row.quantity for row in noise_of("dot", rest_of(samples)).rows} == {
         "acc"
     }  # its axes differ
     samples.acc[:] = 1.0
-    assert noise_rows("dot", rest_of(samples)) == []
+    assert noise_of("dot", rest_of(samples)).rows == []

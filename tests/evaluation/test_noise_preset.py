@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbench.evaluation.noise import LongRest, noise_rows
+from testbench.evaluation.noise import LongRest, noise_of
 from testbench.pipeline.noise_preset import measured_sensor
 from testbench.records.session.samples import GYR
 from testbench.records.specs.sensor import load_preset
@@ -31,19 +31,19 @@ def rest(sd_counts: float, walk_deg_h_sqrts: float = 0.0) -> LongRest:
 
 @pytest.mark.parametrize("sd_counts", [0.5, 0.6, 2.0])
 def test_the_noise_of_rounding_is_not_written_into_the_white_noise(sd_counts):
-    sensor, _ = measured_sensor(noise_rows("s", rest(sd_counts)), BASE, "a test")
+    sensor, _ = measured_sensor(noise_of("s", rest(sd_counts)).rows, BASE, "a test")
     true = sd_counts * COUNT_DEG_S / np.sqrt(RATE / 2)
     assert sensor.gyroscope.noise_density_deg_s_sqrthz == pytest.approx([true] * 3, rel=0.03)
 
 
 def test_noise_below_the_counts_is_kept_from_the_data_sheet_and_said():
-    sensor, kept = measured_sensor(noise_rows("s", rest(0.2)), BASE, "a test")
+    sensor, kept = measured_sensor(noise_of("s", rest(0.2)).rows, BASE, "a test")
     assert sensor.gyroscope.noise_density_deg_s_sqrthz == BASE.gyroscope.noise_density_deg_s_sqrthz
     assert sum("hidden by the counts" in sentence for sentence in kept) == 3
 
 
 def test_a_random_walk_that_was_found_leaves_no_other_slow_noise_of_the_data_sheet():
-    rows = noise_rows("s", rest(0.6, walk_deg_h_sqrts=2.0))
+    rows = noise_of("s", rest(0.6, walk_deg_h_sqrts=2.0)).rows
     assert all(row.rate_random_walk is not None and row.bias_instability is None for row in rows)
     sensor, kept = measured_sensor(rows, BASE, "a test")
     assert BASE.gyroscope.in_run_bias_deg_h > 0
@@ -54,7 +54,7 @@ def test_a_random_walk_that_was_found_leaves_no_other_slow_noise_of_the_data_she
 
 
 def test_a_rest_that_shows_no_slow_noise_leaves_that_of_the_data_sheet():
-    sensor, kept = measured_sensor(noise_rows("s", rest(2.0)), BASE, "a test")
+    sensor, kept = measured_sensor(noise_of("s", rest(2.0)).rows, BASE, "a test")
     assert sensor.gyroscope.in_run_bias_deg_h == BASE.gyroscope.in_run_bias_deg_h
     assert any(
         "bias instability not shown" in sentence and "10 kept" in sentence for sentence in kept

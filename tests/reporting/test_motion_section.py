@@ -56,8 +56,8 @@ def kind(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 def drawn(page: Page) -> dict[str, dict]:
     """The figures of a page by what a screen reader says of them."""
-    names = [str(own["aria-label"]) for _, own in page.tags if own.get("role") == "img"]
-    return dict(zip(names, page.figures, strict=True))
+    names = [str(own["aria-label"]) for _, own in page.tags if own.get("role") == "figure"]
+    return dict(zip(names, page.all_figures, strict=True))
 
 
 def values(part) -> np.ndarray:

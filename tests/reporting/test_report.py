@@ -63,8 +63,13 @@ class Page(HTMLParser):
             self.words += data
 
     @property
-    def figures(self) -> list[dict]:
+    def all_figures(self) -> list[dict]:
         return [json.loads(script) for script in self.scripts if script.startswith('{"data"')]
+
+    @property
+    def figures(self) -> list[dict]:
+        """Those that lie flat."""
+        return [figure for figure in self.all_figures if "scene" not in figure["layout"]]
 
 
 @pytest.fixture(scope="module")
@@ -308,7 +313,8 @@ def test_an_imported_recording_has_orientation_but_no_joints(imported: Judged) -
     sections = [a["id"] for tag, a in page.tags if tag == "section"]
     assert "orientation" in sections
     assert "joints" not in sections
-    assert len(page.figures) == 3  # over time and filter beside filter, then its chapter
+    # over time and filter beside filter; its chapter with two histograms, box plot and difference
+    assert len(page.figures) == 7
     assert "an imported recording" in page.words
     assert "it is evaluated as a whole" in page.words
     assert "CC0" in page.words

@@ -228,7 +228,8 @@ def test_axes_are_logarithmic_or_a_plane_and_colours_ordered_where_asked_for(stu
 
 
 def test_findings_sessions_and_versions_are_there(study):
-    shown = words(render_study(study))
+    shown, _, explained = words(render_study(study)).partition(" Terms ")
+    assert "Acceptance limit" in explained
     for text in (
         "Demo study",
         "Why?",

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import TypeAdapter, with_config
 
 from testbench.exceptions import NotFoundError, SessionError
+from testbench.records.disk.html_table import html_table
 from testbench.records.disk.json_file import plain_values, read_json, write_json
 from testbench.records.disk.json_record import AS_WRITTEN, Number, read_record
 from testbench.records.disk.replacing import replaced_folder, stored
@@ -52,6 +53,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA_VERSION = 2
+MOST_SHOWN = 12
+"""Metrics without a limit that a notebook shows."""
 
 
 class Outcome(StrEnum):
@@ -457,6 +460,22 @@ class Evaluation(ResultTables):
         rows = {"metrics": self.metrics} | {name: getattr(self, name) for name in TABLES}
         held = ", ".join(f"{len(own)} {name}" for name, own in rows.items() if own)
         return f"<Evaluation of {self.session}: {self.verdict}; {held or 'no rows'}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the verdict, and what has a limit; without any, what has none."""
+        limited = [metric for metric in self.metrics if metric.outcome is not None]
+        titles = ("metric", "filter", "sequence", "section", "value", "U", "unit", "outcome")
+        rows = [
+            (
+                *(metric.name, metric.filter, metric.sequence, metric.section, metric.value),
+                *(metric.expanded_uncertainty, metric.unit),
+                metric.outcome.words if metric.outcome else None,
+            )
+            for metric in limited or self.metrics[:MOST_SHOWN]
+        ]
+        left = len(self.metrics) - len(rows)
+        more = f"; {left} more in .metrics" if left else ""
+        return html_table(f"Evaluation of {self.session}: {self.verdict}{more}", titles, rows)
 
     def to_arrow(self, table: str) -> pa.Table:
         """One of its tables, a column for each field; of nested ones with dots in the name.

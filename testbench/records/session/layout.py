@@ -19,8 +19,8 @@ EVALUATION, EVALUATION_SUMMARY = "evaluation", "evaluation.json"
 """A folder of tables, with the summary beside it."""
 GAIT, GAIT_SUMMARY = "gait", "gait.json"
 """A folder of tables, with the summary in it; it follows from the samples alone."""
-REPORT, RECORDING, EXPORT = "report.html", "session.rrd", "export"
-OF_AN_ESTIMATE = (EVALUATION_SUMMARY, REPORT, EVALUATION)
+REPORT, PRINTED, RECORDING, EXPORT = "report.html", "report.pdf", "session.rrd", "export"
+OF_AN_ESTIMATE = (EVALUATION_SUMMARY, PRINTED, REPORT, EVALUATION)
 """What follows from an estimate, in the order in which it is removed: nothing reads the folder
 without its summary.
 """
@@ -76,6 +76,11 @@ def chain_table(section: str, state: str) -> str:
 def magnetic_table(sensor: str) -> str:
     """The table of how far the field at a sensor was disturbed."""
     return f"magnetic_{sensor}"
+
+
+def allan_table(sensor: str) -> str:
+    """The table of a sensor's Allan deviations at rest."""
+    return f"allan_{sensor}"
 
 
 def difference_table(sensor: str) -> str:

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from testbench.exceptions import NotFoundError, SessionError
+from testbench.records.disk.html_table import html_table
 from testbench.records.disk.json_record import first_problem
 from testbench.records.disk.neighbouring_rows import Instants, is_long, read_near
 from testbench.records.disk.tables import ROWS_PER_GROUP, parquet_shape, read_parquet
@@ -93,6 +94,23 @@ class Session:
         return (
             f"<Session {self.path}: {self.status.value}{lasting}, {', '.join(self.sensor_names)}>"
         )
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: what was recorded, how it ended, and the sensors."""
+        manifest, took = self.manifest, self.manifest.duration_s
+        rows = [
+            ("what", manifest.protocol.name or str(manifest.kind)),
+            ("robot", manifest.robot.name or "none"),
+            ("status", self.status.value),
+            ("duration", None if took is None else f"{took:.1f} s"),
+            ("steps", f"{len(self.steps)} finished" if self.steps else None),
+            ("simulated", ", ".join(self.simulated) or "nothing"),
+        ]
+        for name in self.sensor_names:
+            own = manifest.sensors[name]
+            rate = "" if own.rate_hz is None else f", {own.rate_hz:g} Hz"
+            rows.append((f"sensor {name}", f"{own.description or own.driver}{rate}"))
+        return html_table(str(self.path), (), rows)
 
     @property
     def name(self) -> str:

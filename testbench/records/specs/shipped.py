@@ -9,7 +9,9 @@ PACKAGE = Path(__file__).resolve().parents[2]
 
 
 def shipped_folder(name: str) -> Path:
-    """The folder `name` ("protocols" or "robots") of the source tree or the installed package."""
+    """The folder `name` ("protocols", "robots", "docs") of the source tree or the installed
+    package, which has of the last only what a report explains.
+    """
     source = PACKAGE.parent / name
     return source if (PACKAGE.parent / "pyproject.toml").is_file() else PACKAGE / "shipped" / name
 

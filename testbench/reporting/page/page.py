@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from testbench.reporting.page.figures import Figure
+from testbench.reporting.page.scene import Scene
 from testbench.reporting.page.tables import Table
 
 ERRORS = (
@@ -117,6 +118,7 @@ class Page:
         tiles: Numbers worth seeing first.
         sections: The body.
         answer: What was found, in sentences and figures: the first screen.
+        scene: What stood on the bench, drawn beside the first sentences; None for nothing.
         outcome: Colour of the badge beside the title, None for no badge.
         verdict: Words on the badge.
         simulated: From what the samples come, where that is not real.
@@ -132,6 +134,7 @@ class Page:
     tiles: Sequence[Tile]
     sections: Sequence[Section]
     answer: Sequence[Block] = ()
+    scene: Scene | None = None
     outcome: str | None = None
     verdict: str = ""
     simulated: str = ""

@@ -12,6 +12,8 @@ import numpy as np
 from testbench.records.results.numbers import decimals_by
 
 NOTHING = "–"
+AGAIN = "again"
+"""The kind of a cell whose words stand above already: left off paper."""
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
@@ -55,6 +57,7 @@ class Table:
         how: How to read it, one line.
         over: A header above the header.
         folded: Shown only when asked for.
+        screen: Left off paper, for its numbers stand in another table.
     """
 
     caption: str
@@ -63,6 +66,7 @@ class Table:
     how: str
     over: list[Cell] = field(default_factory=list)
     folded: bool = False
+    screen: bool = False
 
 
 def mean_of_known(values: Sequence[float | None]) -> float | None:

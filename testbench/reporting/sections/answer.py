@@ -42,12 +42,12 @@ def answer_blocks(
     blocks += finding_sentences(
         found for found in evaluation.findings if found.severity is Severity.WARNING
     )
-    main = _over_time(evaluation, colours, spans)
-    beside = _beside(evaluation, colours)
-    return [*blocks, *([main] if main else []), *([beside] if beside else [])]
+    main = over_time(evaluation, colours, spans)
+    ranked = beside(evaluation, colours)
+    return [*blocks, *([main] if main else []), *([ranked] if ranked else [])]
 
 
-def _over_time(
+def over_time(
     evaluation: Evaluation, colours: Mapping[str, str], spans: Sequence[Span]
 ) -> Figures | None:
     """Truth and estimates of the first joint over the whole run, their errors below; of the first
@@ -155,7 +155,7 @@ def _sensor_over_time(
     )
 
 
-def _beside(evaluation: Evaluation, colours: Mapping[str, str]) -> Figures | None:
+def beside(evaluation: Evaluation, colours: Mapping[str, str]) -> Figures | None:
     """The filters beside one another: of each joint's section, or of each sensor."""
     if evaluation.chain:
         return None

@@ -11,6 +11,7 @@ from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import ChainRow, Evaluation
 from testbench.records.session.layout import chain_table
+from testbench.records.specs.band import Band
 from testbench.reporting.page.decimation import Envelope
 from testbench.reporting.page.figures import Span, time_panels
 from testbench.reporting.page.page import Figures, Section, Sentence
@@ -46,7 +47,10 @@ KINDS = (
 
 
 def chain_section(
-    estimate: Estimate, evaluation: Evaluation | None, spans: list[Span]
+    estimate: Estimate,
+    evaluation: Evaluation | None,
+    spans: list[Span],
+    band: Band | None = None,
 ) -> Section | None:
     """Errors of every joint by every state of the filter; None where no chain was asked for."""
     if not estimate.chain:
@@ -75,7 +79,7 @@ def chain_section(
             if row.section == name and row.sequence is None
         }
         section.blocks += cycle_blocks(
-            evaluation, cycles, f"joints of the chain, section {name}", colours
+            evaluation, cycles, f"joints of the chain, section {name}", colours, band
         )
         own = [row for row in rows if row.section == name]
         section.blocks.append(_over_time(evaluation, name, own, colours, spans))

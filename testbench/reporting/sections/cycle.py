@@ -11,11 +11,13 @@ import numpy as np
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.evaluation_rows import CycleRow
 from testbench.records.session.layout import CYCLES
+from testbench.records.specs.band import Band, NormalCurve
 from testbench.reporting.page.figure_parts import Figure, axis, layout, rounded, text
 from testbench.reporting.page.page import Block, Figures
 from testbench.reporting.page.palette import REFERENCE, translucent
 from testbench.reporting.page.tables import Cell, Row, Table, digits, header, label, number
 from testbench.reporting.page.tables import text as said
+from testbench.reporting.sections.normal import normal_band, normal_words
 
 MOST_SHOWN = 6
 """Cycles drawn at once: two rows of three, such as hip, knee and ankle of both legs."""
@@ -35,8 +37,13 @@ Place = tuple[str, int]
 """Joint and step."""
 
 
+# One piece: what is drawn at once decides what is left to draw, and what is said of it.
 def cycle_blocks(
-    evaluation: Evaluation, rows: Indexed, what: str, colours: Mapping[str, str]
+    evaluation: Evaluation,
+    rows: Indexed,
+    what: str,
+    colours: Mapping[str, str],
+    band: Band | None = None,
 ) -> list[Block]:
     """Figures and tables of the average cycles; none where no sweep has any.
 
@@ -49,6 +56,7 @@ def cycle_blocks(
         rows: Of one joint's or chain's section.
         what: Its name in captions.
         colours: By filter or state.
+        band: Of persons without complaints, drawn behind the angles that it has.
     """
     if not rows or CYCLES not in evaluation.series:
         return []
@@ -73,10 +81,13 @@ def cycle_blocks(
             else ""
         )
         + (f" These are the {MOST_FILTERS} filters with the lowest RMSE." if further else "")
+        + normal_words(band)
     )
     chosen = [row for row in drawn.values() if _of(row) in shown]
     blocks: list[Block] = [
-        Figures(caption, _figures(evaluation, drawn, shown, several, colours), how, small=True),
+        Figures(
+            caption, _figures(evaluation, drawn, shown, several, colours, band), how, small=True
+        ),
         _table(f"Range of motion and similarity of the average cycle: {what}", chosen),
     ]
     for words, left, places_left in (
@@ -84,7 +95,7 @@ def cycle_blocks(
         ("filters", further, shown),
     ):
         if left and places_left:
-            figures = _figures(evaluation, left, places_left, several, colours)
+            figures = _figures(evaluation, left, places_left, several, colours, band)
             again = "How to read: as the figures above."
             blocks.append(
                 Figures(f"{caption}, the other {words}", figures, again, small=True, folded=True)
@@ -144,6 +155,7 @@ def _figures(
     places: list[Place],
     several: bool,
     colours: Mapping[str, str],
+    band: Band | None,
 ) -> dict[str, Figure]:
     """One small figure for each joint and sweep, by the words that a screen reader says."""
     figures = {}
@@ -151,8 +163,14 @@ def _figures(
         own = {i: row for i, row in rows.items() if _of(row) == place}
         title = place[0] + (f", {next(iter(own.values())).frequency_hz:g} Hz" if several else "")
         curves = {row.filter: _average(evaluation, i) for i, row in own.items()}
-        figures[f"average cycle of {title}"] = cycle_figure(title, curves, colours)
+        normal = None if band is None else band.curve(angle_name(next(iter(own.values()))))
+        figures[f"average cycle of {title}"] = cycle_figure(title, curves, colours, normal)
     return figures
+
+
+def angle_name(row: CycleRow) -> str:
+    """What a cycle is of: of a chain, its joint is an angle; of others, it is the flexion."""
+    return row.joint if row.sequence is None else f"{row.joint}_flexion"
 
 
 def _average(evaluation: Evaluation, row: int) -> dict[str, np.ndarray]:
@@ -167,7 +185,10 @@ def _average(evaluation: Evaluation, row: int) -> dict[str, np.ndarray]:
 
 
 def cycle_figure(
-    title: str, curves: Mapping[str, dict[str, np.ndarray]], colours: Mapping[str, str]
+    title: str,
+    curves: Mapping[str, dict[str, np.ndarray]],
+    colours: Mapping[str, str],
+    normal: NormalCurve | None = None,
 ) -> Figure:
     """Angle over the cycle, and its error below.
 
@@ -176,6 +197,7 @@ def cycle_figure(
         curves: By filter, the average cycle: "percent", and "estimated", "true", "error" [deg] with
             their standard deviations "estimated_sd" and so on, shape (n,) each.
         colours: By filter.
+        normal: That of persons without complaints, drawn behind; none if None.
     """
     true = next(
         iter(curves.values())
@@ -185,12 +207,14 @@ def cycle_figure(
         | {"showlegend": True}
     ]
     data[0]["line"]["width"] = 6
+    if normal is not None:
+        data.insert(0, normal_band(normal, true["percent"], true["true"]))
     for panel, key in (("y", "estimated"), ("y2", "error")):
         for name, cycle in curves.items():
             data += _band_and_line(
                 cycle["percent"], cycle[key], cycle[f"{key}_sd"], name, colours[name], panel
             )
-    rows_of_names = -(-(len(curves) + 1) // 3)
+    rows_of_names = -(-(len(curves) + 1 + (normal is not None)) // 3)
     top = 30 + 28 * rows_of_names
     figure = layout(280 + top, hovermode="x", margin={"l": 50, "r": 18, "t": top, "b": 42})
     figure["title"] = {

@@ -10,6 +10,7 @@ from testbench.frames import NANOSECONDS
 from testbench.records.results.evaluation import Evaluation, JointRow
 from testbench.records.results.evaluation_rows import JointSummary, OutlierRow
 from testbench.records.session.layout import joint_table
+from testbench.records.specs.band import Band
 from testbench.records.specs.published import PublishedResults
 from testbench.reporting.page.decimation import Envelope
 from testbench.reporting.page.figures import (
@@ -23,6 +24,7 @@ from testbench.reporting.page.figures import (
 )
 from testbench.reporting.page.page import Block, Figures, Heading, Section, Sentence
 from testbench.reporting.page.palette import REFERENCE
+from testbench.reporting.page.space import surfaces
 from testbench.reporting.page.tables import (
     Cell,
     Row,
@@ -43,11 +45,11 @@ from testbench.reporting.sections.flexion import (
     published_beside,
 )
 from testbench.reporting.sections.outliers import (
-    common_top,
     flexion_outliers,
     flexion_remarks,
     hidden_names,
     how_remarks,
+    tops,
 )
 from testbench.reporting.sections.ranking import (
     REPEATED,
@@ -58,14 +60,12 @@ from testbench.reporting.sections.ranking import (
     with_interval,
 )
 from testbench.reporting.sections.relative_heading import relative_heading_blocks
+from testbench.reporting.sections.spread import joint_spread
 from testbench.reporting.sections.true_flexion import flexion_blocks
 
 Colours = dict[str, str]
-SCALE = (
-    ", which end at the largest value, or at the one that 98 % of the cells stay below where the "
-    "largest is over half as much again; filters whose median cell is an outlier do not count. A "
-    "cell beyond that end is crossed, and its value shows on hovering"
-)
+LEAST_MAP = 3
+"""Rows and columns from which on a map says more than a table."""
 
 
 def joint_section(
@@ -73,10 +73,12 @@ def joint_section(
     published: Mapping[str, PublishedResults | None],
     colours: Colours,
     spans: list[Span],
+    band: Band | None = None,
 ) -> Section:
     """Errors of every joint, by pose and over time.
 
-    The published ones stand beside those of a joint whose protocol names some.
+    The published ones stand beside those of a joint whose protocol names some, and the normal band
+    behind the average cycles of angles that it has.
     """
     section = Section("joints", "Joint angles")
     joints = list(dict.fromkeys(row.joint for row in evaluation.joint_angle))
@@ -108,9 +110,12 @@ def joint_section(
                 for i, row in enumerate(evaluation.cycles)
                 if (row.joint, row.section) == (joint, name) and row.sequence is not None
             }
-            section.blocks += cycle_blocks(evaluation, cycles, f"{joint}, section {name}", colours)
-        section.blocks += flexion_blocks(joint, rows, evaluation, colours, spans)
+            what = f"{joint}, section {name}"
+            section.blocks += cycle_blocks(evaluation, cycles, what, colours, band)
+        if joint != joints[0]:  # that one is on the first screen
+            section.blocks += flexion_blocks(joint, rows, evaluation, colours, spans)
         section.blocks += _time_blocks(joint, rows, evaluation, colours, spans)
+        section.blocks += joint_spread(evaluation, joint, colours)
         filters = list(dict.fromkeys(row.filter for row in rows))
         section.blocks += relative_heading_blocks(evaluation, joint, filters, colours, spans)
     if not joints:
@@ -274,13 +279,9 @@ def _pose_blocks(
                 f"{hidden_names(name for names in far.values() for name in sorted(names))}",
             )
         )
-    if len(errors.flexions) > 1 and len(errors.misalignments) > 1:
-        blocks += [_maps(joint, section, sequence, errors) for sequence in errors.sequences]
-    else:
-        what = "misalignment" if len(errors.misalignments) < 2 else "flexion"
-        blocks.append(
-            Sentence(f"Section {section} varies no {what}: there is no map of the error over both.")
-        )
+    if min(len(errors.flexions), len(errors.misalignments)) >= LEAST_MAP:
+        for sequence in errors.sequences:
+            blocks += _maps(joint, section, sequence, errors, colours)
     return blocks
 
 
@@ -413,27 +414,41 @@ def _curves(
     return error_curves(curves, "commanded flexion [deg]", f"mean |e| [deg], {sequence}")
 
 
-def _maps(joint: str, section: str, sequence: str, errors: PoseErrors) -> Figures:
+def _maps(
+    joint: str, section: str, sequence: str, errors: PoseErrors, colours: Colours
+) -> list[Block]:
+    """The errors over two angles, as maps and as surfaces."""
     grids = {name: errors.grid((name, sequence)) for name in errors.filters(sequence)}
-    top = common_top(grids)
-    figures = {}
-    for name, grid in grids.items():
-        figures[f"error over misalignment and flexion, {name}, {sequence}"] = heat_map(
-            f"{name}, {sequence}",
-            Axis("misalignment [deg]", errors.misalignments),
-            Axis("flexion [deg]", errors.flexions),
-            grid,
-            "mean |e| [deg]",
-            top,
-        )
-    return Figures(
-        f"Mean |flexion error| over misalignment and flexion, {sequence}: {joint}, section "
-        f"{section}",
-        figures,
-        "How to read: each cell is one pose; all maps of this Euler sequence share their "
-        f"colours{SCALE}. Stripes along one axis mean that the error depends on that angle alone.",
-        small=True,
+    ends, scale = tops(grids)
+    x, y = Axis("misalignment [deg]", errors.misalignments), Axis("flexion [deg]", errors.flexions)
+    what, z = (
+        f"over misalignment and flexion, {sequence}: {joint}, section {section}",
+        "mean |e| [deg]",
     )
+    figures = {
+        f"error over misalignment and flexion, {name}, {sequence}": heat_map(
+            f"{name}, {sequence}", x, y, grid, z, ends[name]
+        )
+        for name, grid in grids.items()
+    }
+    best = min(grids, key=lambda name: float(np.nanmean(grids[name])))
+    surface = surfaces(sequence, x, y, grids, colours, z, best)
+    return [
+        Figures(
+            f"Mean |flexion error| {what}",
+            figures,
+            f"How to read: each cell is one pose; {scale}. Stripes along one axis mean that the "
+            "error depends on that angle alone.",
+            small=True,
+        ),
+        Figures(
+            f"The same in space {what}",
+            {f"surface of the error {what}": surface},
+            f"How to read: height is the mean error of a pose. The surface of {best}, the lowest, "
+            "is shown; click a name to show or to hide another. Drag to turn.",
+            folded=True,
+        ),
+    ]
 
 
 def _sweep_blocks(joint: str, section: str, errors: SweepErrors) -> list[Block]:
@@ -531,7 +546,7 @@ def _variable_words(name: str) -> str:
 
 def _sweep_maps(joint: str, section: str, errors: SweepErrors) -> Figures:
     grids = {key: errors.grid(key) for key in errors.keys}
-    top = common_top({f"{name}, {sequence}": grid for (name, sequence), grid in grids.items()})
+    ends, scale = tops({f"{name}, {sequence}": grid for (name, sequence), grid in grids.items()})
     figures = {}
     for (name, sequence), grid in grids.items():
         figures[
@@ -542,13 +557,13 @@ def _sweep_maps(joint: str, section: str, errors: SweepErrors) -> Figures:
             Axis(_variable_words(errors.variables[0]), [f"{v:g}" for v in errors.values(0)]),
             grid,
             "RMS e [deg]",
-            top,
+            ends[f"{name}, {sequence}"],
         )
     return Figures(
         f"RMS flexion error over {' and '.join(map(_variable_words, reversed(errors.variables)))}: "
         f"{joint}, section {section}",
         figures,
-        f"How to read: each cell is one sweep; all maps share their colours{SCALE}.",
+        f"How to read: each cell is one sweep; {scale}.",
         small=True,
     )
 

@@ -25,6 +25,7 @@ from testbench.records.session.layout import (
 )
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.session import Session
+from testbench.records.specs.band import Band
 from testbench.reporting.page.decimation import Envelope
 from testbench.reporting.page.figures import Curve, Figure, Span, error_curves, time_panels
 from testbench.reporting.page.page import Block, Figures, Heading, Section, Sentence, Tile
@@ -40,6 +41,7 @@ from testbench.reporting.page.tables import (
     text,
     unit_words,
 )
+from testbench.reporting.sections.normal import normal_band, normal_words
 
 Colours = Mapping[str, str]
 PLACES = ("first", "second", "third")
@@ -99,6 +101,7 @@ def joint_motion_section(
     colours: Colours,
     spans: list[Span],
     curves: Mapping[str, list[Block]],
+    band: Band | None = None,
 ) -> Section | None:
     """Angles of the joints over time, their ranges and cycles; None where there are none.
 
@@ -107,6 +110,7 @@ def joint_motion_section(
         colours: By filter.
         spans: Sections of the protocol.
         curves: By joint of a body, its angles with their uncertainty.
+        band: Of persons without complaints, drawn behind the cycles of angles that it has.
     """
     joints = unjudged_joints(evaluation)
     if not joints:
@@ -133,7 +137,7 @@ def joint_motion_section(
                 )
             )
         section.blocks.append(_ranges(f"Range of motion: {joint}", rows))
-        section.blocks += _cycle_blocks(evaluation, "joint", joint, colours)
+        section.blocks += _cycle_blocks(evaluation, "joint", joint, colours, band)
     return section
 
 
@@ -367,7 +371,10 @@ def _ranges(caption: str, rows: list[AngleRangeRow], folded: bool = False) -> Ta
     )
 
 
-def _cycle_blocks(evaluation: Evaluation, kind: str, owner: str, colours: Colours) -> list[Block]:
+# One piece: the figure and what is said of it follow from the same rows.
+def _cycle_blocks(
+    evaluation: Evaluation, kind: str, owner: str, colours: Colours, band: Band | None = None
+) -> list[Block]:
     """The average cycles of one joint or sensor."""
     found = [
         (i, row)
@@ -401,6 +408,10 @@ def _cycle_blocks(evaluation: Evaluation, kind: str, owner: str, colours: Colour
     if curves:
         unit = unit_words(first.unit)
         figure = error_curves(curves, "cycle [%]", f"{first.signal} [{unit}]", signed=True)
+        normal = None if band is None else band.curve(f"{owner}_{first.signal}")
+        if normal is not None and unit == "deg":
+            drawn = np.array(curves[0].x), np.array(curves[0].y, dtype=float)
+            figure["data"].insert(0, normal_band(normal, *drawn))
         blocks.insert(
             0,
             Figures(
@@ -409,7 +420,7 @@ def _cycle_blocks(evaluation: Evaluation, kind: str, owner: str, colours: Colour
                 f"How to read: mean and standard deviation of "
                 f"{counted(first.cycles, 'cycle')} that were found in the data, for nobody planned "
                 "them; each begins at a largest value of the smoothed signal, so that 0 % is no "
-                "event of a gait.",
+                f"event of a gait.{'' if normal is None else normal_words(band)}",
             ),
         )
     return blocks

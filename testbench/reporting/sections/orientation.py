@@ -29,6 +29,7 @@ from testbench.reporting.sections.ranking import (
     ranking_doubts,
     with_interval,
 )
+from testbench.reporting.sections.spread import heading_spread
 
 PARTS = {
     "total": "total [deg]",
@@ -67,6 +68,7 @@ def orientation_section(
             )
             continue
         section.blocks.append(_over_time(evaluation, sensor, filters, colours, spans))
+        section.blocks += heading_spread(evaluation, sensor, colours)
         section.blocks += magnetic_blocks(evaluation, sensor, colours, spans)
     return section
 

@@ -22,6 +22,14 @@ FAR_BEYOND = 1.5
 """The largest cell of several maps over that which 98 % stay below, from which it does not set
 their colours.
 """
+OWN_SCALE = 3.0
+"""Maps whose upper ends differ by more than this factor have each their own colours."""
+SHARED = "; filters whose median cell is an outlier do not count"
+SCALE = (
+    ". The colours end at the largest value, or at the one that 98 % of the cells stay below where "
+    "the largest is over half as much again. A cell beyond that end is crossed, and its value "
+    "shows on hovering"
+)
 HIDDEN = " Outliers begin hidden, so that the others can be seen: {names}. Click a name to show it."
 
 
@@ -104,6 +112,24 @@ def hidden_names(names: Iterable[str]) -> str:
     """That some curves begin hidden."""
     names = list(dict.fromkeys(names))
     return HIDDEN.format(names=", ".join(names)) if names else ""
+
+
+def tops(grids: Mapping[str, np.ndarray]) -> tuple[dict[str, float], str]:
+    """Upper end of the colours of each of several maps, and how to read them.
+
+    All share one, but where their own differ by more than a factor: then each has its own, or the
+    small ones would be dark throughout.
+
+    Args:
+        grids: By filter, shape (n, m) each, in one unit; NaN where there is nothing.
+    """
+    own = {name: common_top({name: grid}) for name, grid in grids.items()}
+    if max(own.values()) > OWN_SCALE * min(own.values()):
+        return (
+            own,
+            f"each map has colours of its own, for they differ {OWN_SCALE:g}-fold or more{SCALE}",
+        )
+    return dict.fromkeys(grids, common_top(grids)), f"all maps share their colours{SHARED}{SCALE}"
 
 
 def common_top(grids: Mapping[str, np.ndarray]) -> float:

@@ -21,6 +21,7 @@ from testbench.reporting.page.tables import (
     to_uncertainty,
     unit_words,
 )
+from testbench.reporting.sections.allan import allan_blocks
 from testbench.reporting.sections.findings import finding_sentences
 
 
@@ -35,7 +36,7 @@ def recording_section(estimate: Estimate, evaluation: Evaluation | None) -> Sect
     if evaluation is not None and evaluation.rests:
         section.blocks.append(_rests(evaluation.rests))
     if evaluation is not None and evaluation.noise:
-        section.blocks.append(_noise(evaluation.noise))
+        section.blocks += [*allan_blocks(evaluation), _noise(evaluation.noise)]
     else:
         section.blocks.append(Sentence(_no_noise(evaluation)))
     return section

@@ -6,6 +6,7 @@ from testbench.records.findings.finding import Severity
 from testbench.records.results.evaluation import Evaluation, Metric
 from testbench.reporting.page.page import Section, Sentence
 from testbench.reporting.page.tables import (
+    AGAIN,
     Cell,
     Row,
     Table,
@@ -56,15 +57,7 @@ def verdict_section(evaluation: Evaluation | None, walked: bool = False) -> Sect
     else:
         section.blocks.append(Sentence("No limits were stated, so nothing is passed or failed."))
     if others:
-        section.blocks.append(
-            _metrics(
-                "Metrics without a limit",
-                others,
-                "How to read: for information; no limit was set for them. The 95 % confidence "
-                f"interval {REPEATED}",
-                limits=False,
-            )
-        )
+        section.blocks += _unlimited(others)
     section.blocks += finding_sentences(
         own
         for own in evaluation.findings
@@ -74,7 +67,59 @@ def verdict_section(evaluation: Evaluation | None, walked: bool = False) -> Sect
     return section
 
 
-def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True) -> Table:
+def _unlimited(metrics: list[Metric]) -> list[Table]:
+    """What has no limit: of filters one row a metric and place, one column a filter; then what is
+    of no filter.
+    """
+    filters = list(dict.fromkeys(m.filter for m in metrics if m.filter is not None))
+    places: dict[tuple[str, str | None, str | None], dict[str | None, Metric]] = {}
+    for metric in metrics:
+        place = (metric.name, metric.sequence, metric.section)
+        places.setdefault(place, {})[metric.filter] = metric
+    by_filter, alone, told = [], [], set()
+    for (name, sequence, section), own in places.items():
+        first = next(iter(own.values()))
+        keys = filters if first.filter is not None else [None]
+        cells = [_with_both(own.get(key)) for key in keys]
+        leading = [label(name), text(sequence), text(section)]
+        meaning = text(first.meaning, kind=f"wide {AGAIN}" if first.meaning in told else "wide")
+        row = Row([*leading, *cells, text(first.unit), meaning])
+        (alone if first.filter is None else by_filter).append(row)
+        told.add(first.meaning)
+    reasons = dict.fromkeys(
+        f"{what}: {why}"
+        for metric in metrics
+        for what, why in (("U", metric.no_uncertainty), ("interval", metric.no_interval))
+        if why
+    )
+    lacking = f" What is not known ({'; '.join(reasons)}) is left out." if reasons else ""
+    how = (
+        "How to read: for information; no limit was set for them. Value ± U; in square brackets "
+        f"the 95 % confidence interval, which {REPEATED}{lacking}"
+    )
+    tables = []
+    for rows, titles in ((by_filter, filters), (alone, ["value"])):
+        columns = [Cell("metric"), Cell("sequence"), Cell("section")]
+        columns += [Cell(title, kind="number") for title in titles]
+        columns += [Cell("unit"), Cell("meaning")]
+        what = "Metrics without a limit" + (", of no filter" if rows is alone else "")
+        if rows:  # those of filters stand in the tables of joints and orientations
+            screen = rows is by_filter
+            tables.append(Table(what, columns, rows, how, folded=True, screen=screen))
+    return tables
+
+
+def _with_both(metric: Metric | None) -> Cell:
+    """Value, U and interval, as far as they are known."""
+    if metric is None:
+        return number(None)
+    shown = plus_minus(metric.value, metric.expanded_uncertainty).text
+    return Cell(
+        shown if metric.ci95 is None else f"{shown} {_interval(metric).text}", kind="number"
+    )
+
+
+def _metrics(caption: str, metrics: list[Metric], how: str) -> Table:
     rows = []
     for metric in metrics:
         cells = [
@@ -86,7 +131,7 @@ def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True)
             _interval(metric),
             text(metric.unit),
         ]
-        if limits and metric.outcome is not None:
+        if metric.outcome is not None:
             cells += [
                 text(_limits(metric), kind="limit"),
                 Cell(metric.outcome.words, kind=f"badge {metric.outcome.value}"),
@@ -102,8 +147,8 @@ def _metrics(caption: str, metrics: list[Metric], how: str, limits: bool = True)
         Cell("95 % CI", kind="number"),
         Cell("unit"),
     ]
-    columns += [Cell("limit"), Cell("outcome")] if limits else []
-    return Table(caption, [*columns, Cell("meaning")], rows, how, folded=not limits)
+    columns += [Cell("limit"), Cell("outcome")]
+    return Table(caption, [*columns, Cell("meaning")], rows, how)
 
 
 def _among_equals(metric: Metric) -> str:

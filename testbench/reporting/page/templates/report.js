@@ -3,16 +3,41 @@
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const narrow = window.matchMedia("(max-width: 40rem)");
   const holders = Array.from(document.querySelectorAll(".figure"));
-  // The buttons are listed one by one: plotly's own choice has one that uploads the figure.
-  const config = {
-    responsive: true, displaylogo: false, showSendToCloud: false, plotlyServerURL: "",
-    modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]]
+  const ICONS = {
+    png: "M4 4h16v16H4zM6 6v12h12V6zM7.5 17l3.5-5 2.5 3 2-2.5 2.5 4.5z",
+    svg: "M4 4h16v16H4zM6 6v12h12V6zM8 16c2-9 6-9 8 0h-1.5c-1.5-6-3.5-6-5 0z"
   };
+
+  // The figure as a file, on the paper of the page: what is see-through would be lost on another.
+  function save(format) {
+    return {
+      name: "Save as " + format.toUpperCase(),
+      icon: { width: 24, height: 24, path: ICONS[format] },
+      click: (holder) => Plotly.downloadImage(
+        { data: holder.data, layout: Object.assign({}, holder.layout, { paper_bgcolor: colours().paper }) },
+        {
+          format, scale: format === "png" ? 2 : 1, width: holder.clientWidth, height: holder.layout.height,
+          filename: holder.getAttribute("aria-label").replace(/[^\p{L}\p{N}]+/gu, "_").slice(0, 80)
+        }
+      )
+    };
+  }
+
+  // The buttons are listed one by one: plotly's own choice has one that uploads the figure.
+  function config(figure, small) {
+    const solid = figure.data.some((trace) => /3d$|^surface$/.test(trace.type));
+    const ways = solid ? ["orbitRotation", "pan3d", "zoom3d", "resetCameraDefault3d"] : ["zoom2d", "pan2d", "resetScale2d"];
+    return {
+      responsive: true, displaylogo: false, showSendToCloud: false, plotlyServerURL: "", displayModeBar: narrow.matches ? false : "hover",
+      modeBarButtons: [[save("png"), save("svg"), ...(small ? [] : ways)]]
+    };
+  }
 
   function colours() {
     const style = getComputedStyle(document.documentElement);
     const read = (name) => style.getPropertyValue(name).trim();
-    return { ink: read("--ink"), soft: read("--soft"), line: read("--line"), strong: read("--strong"), raised: read("--raised") };
+    const names = ["ink", "soft", "line", "strong", "raised", "paper"];
+    return Object.fromEntries(names.map((name) => [name, read("--" + name)]));
   }
 
   // What a figure's layout needs in the colours of the page, as plotly's dotted keys.
@@ -30,6 +55,12 @@
         change[key + ".linecolor"] = c.strong;
         change[key + ".spikecolor"] = c.strong;
       }
+      if (/^scene\d*$/.test(key)) {
+        for (const axis of ["xaxis", "yaxis", "zaxis"]) {
+          change[key + "." + axis + ".gridcolor"] = c.line;
+          change[key + "." + axis + ".color"] = c.ink;
+        }
+      }
     }
     return change;
   }
@@ -43,12 +74,19 @@
 
   function draw(holder) {
     const figure = JSON.parse(holder.querySelector("script").textContent);
+    for (const trace of figure.data) if (trace.x === null) trace.x = figure.data[0].x;
     const change = scheme(figure.layout);
     for (const key of Object.keys(change)) put(figure.layout, key, change[key]);
     const small = holder.parentElement.classList.contains("small-figures");
-    return Plotly.newPlot(
-      holder, figure.data, figure.layout, small || narrow.matches ? Object.assign({}, config, { displayModeBar: false }) : config
-    ).then(() => makeRoom(holder));
+    if (figure.layout.scene && !webgl()) {
+      holder.textContent = "This browser draws nothing that can be turned.";
+      return Promise.resolve(holder);
+    }
+    return Plotly.newPlot(holder, figure.data, figure.layout, config(figure, small)).then(() => makeRoom(holder));
+  }
+
+  function webgl() {
+    return Boolean(document.createElement("canvas").getContext("webgl"));
   }
 
   // How many rows a legend takes, and which names of sections would cover each other, shows once they are drawn.
@@ -60,7 +98,8 @@
       const names = legend.getBoundingClientRect();
       const bar = holder.querySelector(".modebar");
       const beside = bar ? bar.getBoundingClientRect() : { left: Infinity, height: 0 };
-      const line = (holder.layout.annotations || []).length ? 18 : 0;
+      const title = holder.querySelector(".gtitle");
+      const line = ((holder.layout.annotations || []).length ? 18 : 0) + (title ? title.getBoundingClientRect().height + 8 : 0);
       const top = Math.ceil(names.height + line + 6 + (names.right > beside.left ? beside.height : 0));
       if (top > holder.layout.margin.t) {
         change["margin.t"] = top;
@@ -89,22 +128,28 @@
     if (next < open.length) draw(open[next++]).then(() => setTimeout(drawNext, 0));
     else document.documentElement.dataset.drawn = "all";
   }
-  drawNext();
-  for (const fold of folds) {
-    fold.addEventListener("toggle", () => {
-      if (fold.open) for (const holder of fold.querySelectorAll(".figure")) if (!holder.layout) draw(holder);
-    });
+
+  // plotly.js is packed within the page; a browser that cannot unpack it shows the tables.
+  async function unpack() {
+    const packed = Uint8Array.from(atob(document.getElementById("plotly").textContent), (mark) => mark.charCodeAt(0));
+    const source = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+    const script = document.createElement("script");
+    script.textContent = source;
+    document.head.append(script);
   }
 
-  dark.addEventListener("change", recolour);
-  window.addEventListener("beforeprint", () => {
-    while (next < open.length) draw(open[next++]);
-    for (const holder of holders.filter((one) => one.layout)) {
-      const small = holder.parentElement.classList.contains("small-figures");
-      Plotly.relayout(holder, Object.assign({ width: small ? 330 : 690 }, scheme(holder.layout)));
+  function begin() {
+    drawNext();
+    for (const fold of folds) {
+      fold.addEventListener("toggle", () => {
+        if (fold.open) for (const holder of fold.querySelectorAll(".figure")) if (!holder.layout) draw(holder);
+      });
     }
-  });
-  window.addEventListener("afterprint", () => {
-    for (const holder of holders) if (holder.layout) Plotly.relayout(holder, Object.assign({ width: null, autosize: true }, scheme(holder.layout)));
-  });
+    dark.addEventListener("change", recolour);
+    window.addEventListener("beforeprint", recolour);
+    window.addEventListener("afterprint", recolour);
+  }
+
+  if (window.DecompressionStream) unpack().then(begin);
+  else document.getElementById("old").hidden = false;
 })();
