@@ -64,12 +64,21 @@ class TriadModel:
         rate: Output rate [Hz].
         seed: Of the run.
         *labels: Name this triad; they select its random numbers.
+        part: Seed of what the specimen was made with, and turned on with; that of the run if None.
     """
 
-    def __init__(self, triad: TriadParameters, rate: float, seed: int, *labels: str):
+    def __init__(
+        self,
+        triad: TriadParameters,
+        rate: float,
+        seed: int,
+        *labels: str,
+        part: int | None = None,
+    ):
         self.triad = triad
+        made = seed if part is None else part
         self.errors = TriadErrors.draw(
-            triad, random_stream(seed, *labels, "part"), random_stream(seed, *labels, "thermal")
+            triad, random_stream(made, *labels, "part"), random_stream(made, *labels, "thermal")
         )
         interval = 1.0 / rate
         self._bias = GaussMarkov(

@@ -16,6 +16,7 @@ from testbench.model.noise import random_stream
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.trajectory import TrueState
 from testbench.records.specs.protocol import Environment, Sensor
+from testbench.records.specs.sensor import Accelerometer, Gyroscope, Magnetometer
 
 
 class SimulatedImu(Imu):
@@ -55,12 +56,10 @@ class SimulatedImu(Imu):
         self._link_from_sensor = Pose.from_placement(sensor.mounting) @ Pose.from_placement(
             sensor.mounting_error
         )
-        self._accelerometer = TriadModel(
-            parameters.accelerometer.triad(), rate, seed, name, "accelerometer"
-        )
-        self._gyroscope = TriadModel(parameters.gyroscope.triad(), rate, seed, name, "gyroscope")
+        self._accelerometer = self._triad(parameters.accelerometer, "accelerometer")
+        self._gyroscope = self._triad(parameters.gyroscope, "gyroscope")
         self._magnetometer = (
-            TriadModel(parameters.magnetometer.triad(), rate, seed, name, "magnetometer")
+            self._triad(parameters.magnetometer, "magnetometer")
             if parameters.magnetometer
             else None
         )
@@ -75,6 +74,11 @@ class SimulatedImu(Imu):
         self._count = 0
         self._last_sample: tuple[np.ndarray, np.ndarray] | None = None
         self._stopped = False
+
+    def _triad(self, sheet: Accelerometer | Gyroscope | Magnetometer, label: str) -> TriadModel:
+        """Three axes of this specimen."""
+        own = self.sensor.part
+        return TriadModel(sheet.triad(), self.rate, self._seed, self.name, label, part=own)
 
     def kickoff(self) -> None:
         """Begin at time 0."""

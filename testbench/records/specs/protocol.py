@@ -92,6 +92,11 @@ class Sensor(StrictModel):
     parameters: dict[str, Any] = Field(
         default={}, description="Parameters of the sensor, or changes to those of the preset."
     )
+    part: int | None = Field(
+        default=None,
+        ge=0,
+        description="Which specimen of its kind is simulated; one of the run's own seed if null.",
+    )
     link: str = Field(description="Link of the arm that carries the sensor, by its URDF name.")
     segment: Segment | None = Field(
         default=None, description="Body segment the sensor stands for; joint angles need it."
