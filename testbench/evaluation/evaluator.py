@@ -51,6 +51,7 @@ from testbench.model.reference_step import reference_warning
 from testbench.records.disk.neighbouring_rows import Instants, united
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
+from testbench.records.results.answer import answers
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import SEVERITY, Evaluation, Metric, Outcome, ResultTables
 from testbench.records.results.evaluation_rows import TunedRow
@@ -136,7 +137,13 @@ def evaluate(
         outcome = max(outcome, Outcome.NOT_MEASURED, key=SEVERITY.index)
     elif any(own.code in ARM_TIME_DOUBTS for own in tables.findings):
         outcome = max(outcome, Outcome.MARGINAL, key=SEVERITY.index)
-    return Evaluation(**vars(tables), session=session.name, metrics=metrics, outcome=outcome)
+    complete = Evaluation(**vars(tables), session=session.name, metrics=metrics, outcome=outcome)
+    return replace(complete, headline=_headline(complete))
+
+
+def _headline(evaluation: Evaluation) -> str:
+    """The first sentence of what a session answers; empty where it answers nothing."""
+    return next((answer.text for answer in answers(evaluation)), "")
 
 
 def _described(

@@ -64,7 +64,8 @@ def content_of(session: Session) -> frozenset[str]:
 def why_unequal(session: Session, other: Session, known: Mapping[frozenset[str], str]) -> str:
     """Why another session is no repetition of this one; "" where it is one.
 
-    Both must share protocol, robot, steps and analysis, but not the limits.
+    Both must share protocol, robot, steps and analysis, but neither the limits nor the
+    specimens of the sensors.
 
     Args:
         session: That is judged.
@@ -91,6 +92,10 @@ def why_unequal(session: Session, other: Session, known: Mapping[frozenset[str],
 
 
 def _what_it_did(session: Session) -> Any:
-    analysis = session.analysis.model_copy(update={"accept": []})
+    sensors = {
+        name: sensor.model_copy(update={"part": None})
+        for name, sensor in session.analysis.sensors.items()
+    }
+    analysis = session.analysis.model_copy(update={"accept": [], "sensors": sensors})
     steps = [(step.section, step.name, step.kind, step.variables) for step in session.steps]
     return session.manifest.robot.name, analysis, steps

@@ -64,17 +64,25 @@ class TriadModel:
         rate: Output rate [Hz].
         seed: Of the run.
         *labels: Name this triad; they select its random numbers.
-        part: Name, in place of the first label, that its lasting errors are drawn by: several
-            sensors of one name are one device.
+        drawn_as: Name, in place of the first label, that its lasting errors are drawn by:
+            several sensors of one name are one device.
+        part: Seed of those errors; that of the run if None.
     """
 
     def __init__(
-        self, triad: TriadParameters, rate: float, seed: int, *labels: str, part: str | None = None
+        self,
+        triad: TriadParameters,
+        rate: float,
+        seed: int,
+        *labels: str,
+        drawn_as: str | None = None,
+        part: int | None = None,
     ):
         self.triad = triad
-        device = labels if part is None else (part, *labels[1:])
+        device = labels if drawn_as is None else (drawn_as, *labels[1:])
+        made = seed if part is None else part
         self.errors = TriadErrors.draw(
-            triad, random_stream(seed, *device, "part"), random_stream(seed, *device, "thermal")
+            triad, random_stream(made, *device, "part"), random_stream(made, *device, "thermal")
         )
         interval = 1.0 / rate
         self._bias = GaussMarkov(

@@ -325,3 +325,27 @@ def test_the_manifest_is_told_what_a_data_sheet_says_and_nothing_of_the_errors(q
     assert told["rate_hz"] == 60 and told["magnetometer"] is True and told["orientation"] is True
     assert not any("offset" in key or "bias" in key for key in told)
     assert Bench(quick_plan, preset="matrix").imu.describe()["magnetometer"] is False
+
+
+def _drawn(the_plan: Plan, seed: int, part: int | None) -> tuple[np.ndarray, np.ndarray]:
+    """What the gyroscope was made with, shape (12,), and what it read, shape (n, 3)."""
+    bench = Bench(the_plan, seed, preset="xsens_dot")
+    sensor = bench.sensor.model_copy(update={"part": part})
+    imu = SimulatedImu("hand", sensor, bench.kinematics, Environment(), bench.arm.true_state, seed)
+    imu.kickoff()
+    bench.arm.read(2 * SECOND)
+    made = imu._gyroscope.errors
+    return np.concatenate([made.matrix.ravel(), made.bias]), imu.read(2 * SECOND).gyr
+
+
+def test_a_part_is_the_same_in_runs_of_other_seeds_and_their_noise_is_not(quick_plan):
+    (one, read), (again, other_read) = (_drawn(quick_plan, seed, 7) for seed in (1, 2))
+    another, _ = _drawn(quick_plan, 1, 8)
+    np.testing.assert_array_equal(one, again)
+    assert (one != another).all()
+    assert np.abs(read[:90] - other_read[:90]).max() > 1e-5
+
+
+def test_without_a_number_of_its_own_a_part_is_that_of_the_seed(quick_plan):
+    for one, other in zip(_drawn(quick_plan, 3, None), _drawn(quick_plan, 3, 3), strict=True):
+        np.testing.assert_array_equal(one, other)

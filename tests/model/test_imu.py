@@ -62,7 +62,7 @@ def test_sensors_of_one_part_have_its_errors_and_a_noise_of_their_own():
     """A name in place of the first label: one device at two rates."""
     sheet = load_preset("matrix").gyroscope.triad()
     slow, fast = (
-        TriadModel(sheet, rate, 3, name, "gyroscope", part="device")
+        TriadModel(sheet, rate, 3, name, "gyroscope", drawn_as="device")
         for name, rate in (("slow", 25.0), ("fast", 200.0))
     )
     alone = TriadModel(sheet, 25.0, 3, "slow", "gyroscope")

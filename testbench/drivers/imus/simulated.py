@@ -32,7 +32,8 @@ class ModelledImu(Imu):
         preset: Name of that, where it has one.
         environment: Its temperature.
         seed: Of the run.
-        part: Whose errors it has, by name; its own if None.
+        drawn_as: Whose errors it has, by name; its own if None.
+        part: Seed of those errors; that of the run if None.
     """
 
     gravity: np.ndarray
@@ -45,7 +46,8 @@ class ModelledImu(Imu):
         preset: str | None,
         environment: Environment,
         seed: int,
-        part: str | None = None,
+        drawn_as: str | None = None,
+        part: int | None = None,
     ):
         self.name, self.parameters, self.environment = name, parameters, environment
         self.rate = rate = parameters.rate_hz
@@ -54,7 +56,7 @@ class ModelledImu(Imu):
         self._preset, self._seed = preset, seed
 
         def triad(sheet: TriadParameters, kind: str) -> TriadModel:
-            return TriadModel(sheet, rate, seed, name, kind, part=part)
+            return TriadModel(sheet, rate, seed, name, kind, drawn_as=drawn_as, part=part)
 
         self._accelerometer = triad(parameters.accelerometer.triad(), "accelerometer")
         self._gyroscope = triad(parameters.gyroscope.triad(), "gyroscope")
@@ -274,7 +276,8 @@ class SimulatedImu(ModelledImu):
         true_state: TrueState,
         seed: int,
     ):
-        super().__init__(name, sensor.imu(), sensor.preset, environment, seed, sensor.part)
+        drawn = sensor.drawn_as, sensor.part
+        super().__init__(name, sensor.imu(), sensor.preset, environment, seed, *drawn)
         self.sensor, self.kinematics = sensor, kinematics
         self.gravity = kinematics.robot.gravity
         self._true_state = true_state

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from pydantic import TypeAdapter, with_config
@@ -450,11 +450,13 @@ class Evaluation(ResultTables):
         session: Its name.
         metrics: What limits are put on, with its verdict.
         outcome: Of all limits together.
+        headline: The first sentence of what the session answers; empty where it answers nothing.
     """
 
     session: str
     metrics: list[Metric] = field(default_factory=list)
     outcome: Outcome = Outcome.NOT_MEASURED
+    headline: str = ""
 
     def __repr__(self) -> str:
         rows = {"metrics": self.metrics} | {name: getattr(self, name) for name in TABLES}
@@ -524,7 +526,7 @@ class Evaluation(ResultTables):
         return result
 
     def _document(self) -> dict[str, Any]:
-        names = ("session", "outcome", "metrics", *TABLES)
+        names = ("session", "outcome", "headline", "metrics", *TABLES)
         head = {"schema_version": SCHEMA_VERSION, "notes": self.notes}
         return head | {name: getattr(self, name) for name in names}
 
@@ -570,8 +572,23 @@ def _as_written() -> TypeAdapter[Evaluation]:
     return TypeAdapter(Evaluation)
 
 
-def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
-    """The outcome of a session's last evaluation, and the same in words; None if there is none.
+class StoredVerdict(NamedTuple):
+    """What a session's last evaluation came to.
+
+    Attributes:
+        outcome: Of all limits together.
+        words: The same for people.
+        headline: The first sentence of what the session answers; empty where it answers nothing,
+            or was evaluated by an earlier version.
+    """
+
+    outcome: Outcome
+    words: str
+    headline: str
+
+
+def stored_verdict(session_folder: Path) -> StoredVerdict | None:
+    """What a session's last evaluation came to; None if there is none.
 
     Raises:
         SessionError: What was written of it is damaged.
@@ -589,7 +606,9 @@ def stored_verdict(session_folder: Path) -> tuple[Outcome, str] | None:
     limited = isinstance(metrics, list) and any(
         isinstance(m, dict) and m.get("outcome") for m in metrics
     )
-    return Outcome(outcome), _words(Outcome(outcome), limited)
+    headline = data.get("headline")
+    told = headline if isinstance(headline, str) else ""
+    return StoredVerdict(Outcome(outcome), _words(Outcome(outcome), limited), told)
 
 
 def _words(outcome: Outcome, limited: bool) -> str:

@@ -95,9 +95,14 @@ class Sensor(StrictModel):
     parameters: dict[str, Any] = Field(
         default={}, description="Parameters of the sensor, or changes to those of the preset."
     )
-    part: str | None = Field(
+    part: int | None = Field(
         default=None,
-        description="Name that the errors of a simulated sensor are drawn by: sensors of one part "
+        ge=0,
+        description="Which specimen of its kind is simulated; one of the run's own seed if null.",
+    )
+    drawn_as: str | None = Field(
+        default=None,
+        description="Name that the errors of a simulated sensor are drawn by: sensors of one name "
         "are one device in several settings, such as at several rates; its own name if null.",
     )
     link: str = Field(description="Link of the arm that carries the sensor, by its URDF name.")
