@@ -47,6 +47,32 @@ def test_a_truth_on_the_samples_clock_that_comes_late_is_named(known):
     assert told(known.samples, truth_of(known.samples)).findings == []
 
 
+def test_a_delay_of_two_samples_is_named_where_the_body_turns_far_in_it(known):
+    (found,) = told(known.samples, truth_of(known.samples, 2)).findings
+    assert found.code == "clock.late"
+    assert found.values["late_s"] == pytest.approx(2 / known.rate, abs=0.6 / known.rate)
+    assert found.values["turn_deg"] > 1
+    slow = replace(known.samples, gyr=0.02 * known.samples.gyr)  # turns of which it is no delay
+    q = rotation.to_rotation_vector(truth_of(known.samples, 2).q_world_from_sensor)
+    slowly = Truth(slow.host_time_ns, rotation.from_rotation_vector(0.02 * q))
+    assert "clock.late" not in {own.code for own in told(slow, slowly).findings}
+
+
+def test_a_truth_that_is_on_another_clock_than_is_said_is_not_compared(known):
+    away = told(known.samples, truth_of(known.samples, round(4 * known.rate)))
+    (found,) = away.findings
+    assert away.unaligned == found.code == "clock.not_common"
+    assert found.values["late_s"] == pytest.approx(4, abs=0.05)
+
+
+def test_a_truth_that_moves_otherwise_is_not_compared(known):
+    other = truth_of(simulated(5).samples)
+    rows = min(len(known.samples), len(other.host_time_ns))
+    foreign = Truth(known.samples.host_time_ns[:rows], other.q_world_from_sensor[:rows])
+    found = told(known.samples, foreign)
+    assert found.unaligned == "truth.foreign"
+
+
 def test_a_truth_that_stands_still_while_the_sensor_turns_is_not_compared(known):
     q = np.tile(known.samples.device_q[:1], (len(known.samples), 1))
     found = told(known.samples, Truth(known.samples.host_time_ns, q), align=True)
