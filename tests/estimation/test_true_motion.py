@@ -12,6 +12,7 @@ import pytest
 from testbench.estimation.alignment.axes import findings_on, identify_axes
 from testbench.estimation.alignment.true_motion import TrueMotion, true_motion
 from testbench.estimation.signals import truth_faults, truth_steps
+from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.model import rotation
 from testbench.records.session.manifest import SensorRecord
 from testbench.records.session.samples import ImuSamples, Truth
@@ -63,6 +64,19 @@ def test_a_truth_that_is_on_another_clock_than_is_said_is_not_compared(known):
     (found,) = away.findings
     assert away.unaligned == found.code == "clock.not_common"
     assert found.values["late_s"] == pytest.approx(4, abs=0.05)
+
+
+def test_a_log_of_joints_that_froze_is_compared_beside_that(known):
+    samples = known.samples
+    truth = truth_of(samples)
+    frozen = slice(len(samples) // 5, 3 * len(samples) // 5)
+    q, rate = truth.q_world_from_sensor.copy(), samples.gyr.copy()
+    q[frozen], rate[frozen] = q[frozen.start], 0.0
+    held = Truth(truth.host_time_ns, q, rate)
+    assert fit_clock(samples, held, common_host=False).refused == "no common motion"
+    found = told(samples, held, align=True)
+    assert found.clock.method == "angular_rate" and not found.unaligned
+    assert "truth.frozen" in {own.code for own in found.findings}
 
 
 def test_a_truth_that_moves_otherwise_is_not_compared(known):

@@ -152,7 +152,7 @@ def true_motion(
     if align and clock.refused == "no common motion":
         moving = without_repetitions(truth)
         if moving is not None:
-            clock = sensor_clock(samples, moving, described, align, every)
+            clock = _surest([sensor_clock(samples, moving, described, align, every)], clock)
     if file.is_long:
         truth = file.near(clock.to_host(samples.device_time_ns))
     told = _clock_finding(clock, truth, described, samples)
