@@ -64,9 +64,10 @@ some per cent of offset and scale.
 """
 PLATEAU = 3
 """So many readings in a row at the largest of a whole recording are clipped."""
-SPIKE_SIZE = {"gyr": 10.0, "acc": 60.0, "mag": 150.0}
+SPIKE_SIZE = {"gyr": 4.0, "acc": 60.0, "mag": 150.0}
 """Least distance of a single reading from the mean of its neighbours that is a spike [rad/s],
-[m/s^2], [uT].
+[m/s^2], [uT]. A gyroscope of +-250 deg/s, the smallest range that is common, can be wrong by 4.4 at
+most, which at 100 Hz is 2.5 deg.
 """
 SPIKE_FACTOR = 15.0
 """And by so much it must exceed what the readings nearby do.
@@ -161,6 +162,7 @@ class Gates:
         self._traits, self._belief = traits, belief
         self.dead, self._frozen = traits.dead, traits.frozen and STUCK not in belief.keep
         self.dead_axes = traits.dead_axes if STUCK not in belief.keep else {}
+        self.twin_axes = traits.twin_axes if STUCK not in belief.keep else {}
         if STUCK in belief.keep:
             self.dead = {key for key in self.dead if traits.of[key].all_zero}
         if ZEROS in belief.keep:

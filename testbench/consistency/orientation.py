@@ -5,12 +5,14 @@ Turned into the earth by it, the specific force at rest, and on the average, poi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from testbench.consistency.excerpt import Excerpt
 from testbench.model import rotation
+from testbench.model.earths import Q_ENU_FROM, to_earth_frame
 
 BLOCK_S = 1.0
 MOST_STEPS = 20_000
@@ -62,12 +64,16 @@ LARGEST = 10.0
 """A part of a quaternion beyond this is no part of one."""
 
 
-def read_orientation(excerpt: Excerpt, seconds: float) -> list[Read]:
+def read_orientation(
+    excerpt: Excerpt, seconds: float, earths: Sequence[str] = ("ENU",)
+) -> list[Read]:
     """How each reading of the orientation fits, as it is first; none where nothing can be said.
 
     Args:
         excerpt: Of the recording.
         seconds: Of a step.
+        earths: Those that the file's numbers were taken to be of before they were turned to ENU,
+            which is undone before they are read otherwise.
     """
     assert excerpt.device_q is not None
     size = max(round(BLOCK_S / seconds), 1)
@@ -83,14 +89,23 @@ def read_orientation(excerpt: Excerpt, seconds: float) -> list[Read]:
     if known.sum() < 3:
         return []
     q, acc, gyr = q[known] / norm[known][..., None], acc[known], gyr[known]
-    return [_read(q, acc, gyr, seconds, shift, inverse) for shift, inverse in READINGS]
+    return [
+        _read(_read_as(q, earth, shift, inverse), acc, gyr, seconds, shift, inverse)
+        for earth in earths
+        for shift, inverse in READINGS
+    ]
+
+
+def _read_as(q: np.ndarray, earth: str, shift: int, inverse: bool) -> np.ndarray:
+    """q_enu_from_sensor if the file's numbers, of an earth, are read in another way."""
+    own = np.roll(to_earth_frame(q, earth), shift, axis=-1)
+    own = rotation.conjugate(own) if inverse else own
+    return rotation.multiply(np.array(Q_ENU_FROM[earth]), own)
 
 
 def _read(
-    q: np.ndarray, acc: np.ndarray, gyr: np.ndarray, seconds: float, shift: int, inverse: bool
+    own: np.ndarray, acc: np.ndarray, gyr: np.ndarray, seconds: float, shift: int, inverse: bool
 ) -> Read:
-    own = np.roll(q, shift, axis=2)
-    own = rotation.conjugate(own) if inverse else own
     force = rotation.rotate(own.reshape(-1, 4), acc.reshape(-1, 3)).reshape(acc.shape)
     mean = force.mean(axis=1)
     length = np.maximum(np.linalg.norm(mean, axis=1), 1e-9)

@@ -99,8 +99,9 @@ class Tally:
                 )
             )
         for key in sorted(self._gates.dead):
-            axes = [AXES[axis] for axis in self._gates.dead_axes.get(key, [])]
-            code = "samples.dead_axis" if axes else "samples.dead"
+            dead, twins = self._gates.dead_axes.get(key, []), self._gates.twin_axes.get(key, [])
+            code = "samples.dead_axis" if dead else "samples.twin_axes" if twins else "samples.dead"
+            axes = [AXES[axis] for axis in dead or twins]
             found.append(finding(code, quantity=WORDS[key], axes=axes))
         for key, rows in self._gates.slower().items():
             found.append(finding("samples.slower", quantity=WORDS[key], rows=rows))

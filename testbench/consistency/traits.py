@@ -140,6 +140,7 @@ class QuantityTraits:
         low_run: Longest run of rows at the smallest reading, shape (k,).
         high_run: Longest run of rows at the largest reading, shape (k,).
         axis_run: Longest run of repetitions of each axis, shape (k,).
+        twins: Pairs of axes that read the same in every row.
     """
 
     key: str
@@ -153,6 +154,7 @@ class QuantityTraits:
     low_run: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
     high_run: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
     axis_run: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
+    twins: list[tuple[int, int]] = field(default_factory=lambda: [(0, 1), (0, 2), (1, 2)])
     _noise: list[np.ndarray] = field(default_factory=list)
     _waiting: list[np.ndarray] = field(default_factory=list)
     _quantum: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
@@ -188,6 +190,9 @@ class QuantityTraits:
             if not len(known):
                 return
             low, high = _ends(known)
+        self.twins = [
+            pair for pair in self.twins if np.array_equal(known[:, pair[0]], known[:, pair[1]])
+        ]
         self._extremes(known, low, high, held if known is array else None)
         self._blocks(known, self.repeated.period)
         self._lines(known)
@@ -350,6 +355,14 @@ class QuantityTraits:
             return []
         return [int(axis) for axis in np.flatnonzero(same)]
 
+    @property
+    def twin_axes(self) -> list[int]:
+        """Axes that read the same as another in every row, though their noise shows."""
+        if self.count < FEWEST_OF_AXIS:
+            return []
+        noisy = self.axis_repeats < SELDOM_AXIS
+        return sorted({axis for pair in self.twins for axis in pair if noisy[list(pair)].all()})
+
     def longest_run(self, repeats: float) -> int:
         """Readings in a row that noise of such a probability of repetition may give."""
         by_noise = 1 + 1.5 * np.log(max(self.count, 2) / RARE) / -np.log(max(repeats, 1e-12))
@@ -387,12 +400,18 @@ class Traits:
             own.key
             for own in present
             if own.constant and (noisy or (own.all_zero and own.key != "gyr"))
-        } | set(self.dead_axes)
+        } | {*self.dead_axes, *self.twin_axes}
 
     @property
     def dead_axes(self) -> dict[str, list[int]]:
         """Triads of which some axes, not all, never measured anything; they are not used."""
         found = {key: self.of[key].dead_axes for key in TRIADS if self.has_noise}
+        return {key: axes for key, axes in found.items() if axes}
+
+    @property
+    def twin_axes(self) -> dict[str, list[int]]:
+        """Triads of which some axes hold the same numbers; they are not used."""
+        found = {key: self.of[key].twin_axes for key in TRIADS if self.has_noise}
         return {key: axes for key, axes in found.items() if axes}
 
     @property

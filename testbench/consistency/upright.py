@@ -50,18 +50,30 @@ def _check_orientation(looked: Looked) -> None:
     plain = readings[0]
     gravity = looked.by_gravity
     trusted = gravity is not None and gravity.turns and gravity.fits_as_is and gravity.scale == 1.0
-    fits_rates = [one for one in readings if one.rates or not trusted or one.rates is None]
     if plain.up == "z" and (plain.rates is not False or not trusted):
         if any(one.up == "z" and one.rates is not False for one in readings[1:]):
             looked.unchecked.append("orientation: order or direction")
         return
-    good = [one for one in fits_rates if one.up is not None]
+    good = _fitting(readings, trusted)
+    if not good:
+        # a format of another earth turns the numbers to ENU, wrongly if it misread them
+        good = _fitting(read_orientation(looked.excerpt, looked.seconds, ("NWU", "NED")), trusted)
     if not good:
         if trusted:
             looked.tell("orientation_unlike")
         return
     best = min(good, key=lambda one: (one.up != "z", one.up != "-z", not one.is_plain, one.off))
     _tell_orientation(looked, best)
+
+
+def _fitting(readings: list[Read], trusted: bool) -> list[Read]:
+    """Readings by which an axis of the earth points up, and that turn as the gyroscope does.
+
+    Args:
+        readings: All.
+        trusted: Whether gyroscope and accelerometer agree.
+    """
+    return [one for one in readings if one.up and (one.rates is not False or not trusted)]
 
 
 def _tell_orientation(looked: Looked, best: Read) -> None:

@@ -180,18 +180,17 @@ def aligned_errors(
 
 
 def lost_truth(sensor: SensorErrors, truth: Truth) -> tuple[int, int] | None:
-    """How many samples between the first and the last known orientation have no truth, and how
-    many there are; None where all have.
+    """How many samples from the first to the last row of a truth, known or not, have none, and
+    how many there are; None where all have.
 
     Args:
         sensor: Its errors.
         truth: Of the sensor.
     """
-    known = truth.host_time_ns[np.isfinite(truth.q_world_from_sensor[:, 0])]
-    if not len(known):
+    if not np.isfinite(truth.q_world_from_sensor[:, 0]).any():
         return None
     time = sensor.estimate.host_time_ns
-    within = (time >= known[0]) & (time <= known[-1])
+    within = (time >= truth.host_time_ns[0]) & (time <= truth.host_time_ns[-1])
     lost = int(np.sum(within & ~np.isfinite(sensor.q_true[:, 0])))
     return (lost, int(within.sum())) if lost else None
 

@@ -9,6 +9,8 @@ import pytest
 
 from testbench.consistency import Consistency, refuse_contradictions
 from testbench.exceptions import InputError
+from testbench.model import rotation
+from testbench.model.earths import Q_ENU_FROM, to_earth_frame
 from testbench.records.findings.finding import Severity
 from testbench.records.session.samples import ImuSamples
 from tests.benchmarks.faults import FAULTS, NAMED, UNCHECKED, Fault, outcome, warnings
@@ -69,6 +71,16 @@ def test_a_fault_that_begins_late_is_seen_by_what_comes_before_and_after(known: 
         np.concatenate([acc, turned.acc]),
     )
     assert warnings(late) == {"gyr_mirrored"}
+
+
+@pytest.mark.parametrize("earth", ["NED", "NWU"])
+def test_a_direction_is_told_whatever_earth_its_numbers_were_taken_to_be_of(known, earth):
+    turn = np.array(Q_ENU_FROM[earth])
+    written = rotation.conjugate(to_earth_frame(known.samples.device_q, earth))
+    wrong = replace(known.samples, device_q=rotation.multiply(turn, written))
+    (found,) = [one for one in check_samples([wrong]) if one.severity is Severity.WARNING]
+    assert found.code == "consistency.orientation_reading"
+    assert found.values["keys"] == ["direction: sensor_from_earth"]
 
 
 def test_a_sensor_that_never_turns_is_said_to_be_unchecked() -> None:

@@ -267,6 +267,26 @@ def test_an_axis_that_never_measured_is_named_and_its_triad_not_used(key, value)
     assert found.values["axes"] == ["y"]
 
 
+@pytest.mark.parametrize("key", ["gyr", "acc", "mag"])
+def test_two_axes_that_hold_the_same_numbers_are_named_and_their_triad_not_used(key):
+    samples = recorded("xsens_dot", 5)
+    column = getattr(samples, key).copy()
+    column[:, 1] = column[:, 2]
+    quality, known = assess(changed(samples, **{key: column}), np.zeros(len(samples), dtype=bool))
+    assert np.isnan(getattr(known, key)).all()
+    (found,) = [one for one in quality.findings if one.code == "samples.twin_axes"]
+    assert found.values["axes"] == ["y", "z"]
+    column[100, 1] += 0.01
+    assert not Gates(Traits().add(changed(samples, **{key: column})), Belief()).twin_axes
+
+
+def test_a_reading_at_the_end_of_a_small_range_is_a_spike_among_slow_turns():
+    samples = recorded("xsens_dot", 5)
+    gyr = samples.gyr.copy()
+    gyr[[2000, 2300], 1] = np.radians([250.0, -250.0]) + np.sign([1, -1])
+    assert reasons(changed(samples, gyr=gyr)) == {SPIKE: 2}
+
+
 @pytest.mark.parametrize("value", [0.0, None], ids=["zero", "frozen"])
 @pytest.mark.parametrize("key", ["gyr", "acc", "mag"])
 def test_an_axis_that_freezes_while_others_move_is_flagged_there(key, value):

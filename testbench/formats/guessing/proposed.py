@@ -10,6 +10,7 @@ from typing import Any
 from testbench.consistency.evidence import Evidence
 from testbench.exceptions import BenchError
 from testbench.formats.guessing.seen import KINDS, Quantity, Seen, look, path_of
+from testbench.formats.guessing.titles import read_title
 from testbench.formats.guessing.told import (
     Time,
     by_values,
@@ -74,21 +75,35 @@ def _of_samples(looked: Sequence[Seen], said: Said) -> dict[str, Any]:
     Raises:
         BenchError: No quantity of a sensor is recognised.
     """
-    first = looked[0]
     whole = [seen for seen in looked if _is_whole(seen)]
     if len(looked) > 1 and not whole:
         return _of_one_file_each(list(looked), said)
+    # a quantity that was not recorded in one of the files is that of the others all the same
+    first = max(looked, key=lambda seen: sum(map(len, seen.sensors.values())))
     if not first.sensors:
         raise first.table.problem(
             "no accelerometer, gyroscope or quaternion is recognised among its columns: "
             f"{', '.join(first.table.names[:40]) or 'none'}; name them in a mapping"
         )
-    for other in looked[1:]:
+    for other in looked:
         if other.table.names != first.table.names:
             raise other.table.problem(
                 f"has other columns than {first.table.file.name}; guess file by file"
             )
+    for seen in looked:
+        _say_empty(seen, said)
     return _of_one_file(first, said)
+
+
+def _say_empty(seen: Seen, said: Said) -> None:
+    """That titles speak of quantities of which the file holds no number."""
+    empty = [
+        name
+        for name in seen.table.names
+        if name not in seen.values and read_title(path_of(seen, name)[1]).kind in KINDS
+    ]
+    if empty and seen.sensors:
+        said.append(f"{seen.table.file.name}: no number stands in {', '.join(empty)}")
 
 
 def _recognised(files: Sequence[Path], said: Said) -> tuple[list[Seen], list[str]]:

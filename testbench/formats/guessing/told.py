@@ -14,6 +14,7 @@ from testbench.formats.any_table import Table
 from testbench.formats.guessing.seen import Quantity, Seen, column_of, name_of, path_of
 from testbench.formats.guessing.titles import TRIADS, read_title, unit_of
 from testbench.formats.plausibility import gather, unit_that_fits
+from testbench.formats.raw_counts import counts_per_unit
 from testbench.formats.tables.text_table import TextTable
 from testbench.formats.tables.units import SECONDS
 from testbench.frames import NANOSECONDS
@@ -124,24 +125,32 @@ def evidence_of_pair(seen: Seen, gyr: Quantity, time: Time, other: Seen) -> Evid
 
 
 def by_values(seen: Seen) -> dict[str, dict[str, Quantity]]:
-    """The accelerometer and gyroscope whose numbers fit gravity and one another, without titles."""
+    """The accelerometer and gyroscope whose numbers fit gravity and one another, without titles;
+    raw counts where none do in a unit.
+    """
     names = list(seen.values)
     time = time_of(seen, names)
     free = [n for n in names if time is None or n != name_of(seen, time.column)]
     triads = [free[i : i + 3] for i in range(len(free) - 2)][: 3 * MOST_TRIADS]
     rate = time.rate if time is not None else 100.0
+    looked = []
     for acc, gyr in itertools.permutations(triads, 2):
         if set(acc) & set(gyr) or not (_can_be(seen, acc, "acc") and _can_be(seen, gyr, "gyr")):
             continue
-        evidence = evidence_in(seen, acc, gyr, rate)
-        if unit_that_fits("acc", evidence) and unit_that_fits("gyr", evidence):
-            return {
-                "": {
-                    kind: Quantity([column_of(seen, name) for name in triad], triad)
-                    for kind, triad in (("acc", acc), ("gyr", gyr))
-                }
-            }
+        looked.append((acc, gyr, evidence_in(seen, acc, gyr, rate)))
+        if all(unit_that_fits(kind, looked[-1][2]) for kind in ("acc", "gyr")):
+            return _pair(seen, acc, gyr)
+    for acc, gyr, evidence in looked:
+        if all(counts_per_unit(kind, evidence) for kind in ("acc", "gyr")):
+            return _pair(seen, acc, gyr)
     return {}
+
+
+def _pair(seen: Seen, acc: list[str], gyr: list[str]) -> dict[str, dict[str, Quantity]]:
+    """A sensor of two triads of columns."""
+    triads = (("acc", acc), ("gyr", gyr))
+    columns = {kind: [column_of(seen, name) for name in triad] for kind, triad in triads}
+    return {"": {kind: Quantity(columns[kind], triad) for kind, triad in triads}}
 
 
 def _can_be(seen: Seen, triad: list[str], kind: str) -> bool:

@@ -81,6 +81,24 @@ def test_columns_without_titles_are_told_by_their_numbers(tmp_path, motion, roun
     check(round_trip(tmp_path / "d.txt"), m)
 
 
+def test_raw_counts_without_titles_are_told_by_their_numbers(tmp_path, motion, round_trip):
+    m = motion(2400)
+    numbers = np.column_stack([m.t * 1000, m.acc / G * 16384, np.degrees(m.gyr) * 131])
+    np.savetxt(tmp_path / "d.csv", np.round(numbers), fmt="%d", delimiter=",")
+    check(round_trip(tmp_path / "d.csv"), m, atol=0.01)
+
+
+def test_a_gyroscope_that_the_first_file_lacks_is_that_of_the_others(table, xyz, motion, tmp_path):
+    m = motion(2400)
+    columns = {"time": m.t} | xyz("acc_{}", m.acc, "xyz")
+    lacks = table("left.csv", columns | xyz("gyr_{}", m.gyr * np.nan, "xyz"))
+    whole = table("right.csv", columns | xyz("gyr_{}", np.degrees(m.gyr), "xyz"))
+    found = guess_mapping([str(lacks), str(whole)], str(tmp_path / "m.yaml"))
+    written = (tmp_path / "m.yaml").read_text()
+    assert re.search(r"gyr:\s+columns: \[gyr_x, gyr_y, gyr_z\]\s+unit: deg/s", written)
+    assert "left.csv: no number stands in gyr_x, gyr_y, gyr_z" in found.seen
+
+
 @pytest.mark.parametrize("kind", ["parquet", "mat", "hdf5"])
 def test_files_of_arrays_and_columns(kind, tmp_path, motion, round_trip):
     m = motion(2400)

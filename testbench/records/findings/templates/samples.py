@@ -32,6 +32,13 @@ TEMPLATES = {
         "that axis was not recorded, or is dead; nothing is computed from its {quantity}",
         "map the right column, or `estimate: {{keep: [stuck]}}` if that is real",
     ),
+    "samples.twin_axes": Template(
+        WARNING,
+        "its {quantity} reads the same in {axes} throughout",
+        "one column was written or mapped twice, and the other is missing; nothing is computed "
+        "from its {quantity}",
+        "map the right column, or `estimate: {{keep: [stuck]}}` if that is real",
+    ),
     "samples.clipped": Template(
         WARNING,
         "{count} samples stand at the largest reading of {quantities}, several in a row, the first "
