@@ -121,12 +121,14 @@ STUDIES = {
             "misalignment",
             "Misaligned segments: theory, its fits, every sequence, and a session beside them",
             "testbench.studies.elbow.misalignment",
+            ("protocol", "session"),
         ),
         Study(
             "reference-1",
             "Joint angles of an elbow played by a UR3e, beside section 4 and tables 5.1 to 5.10 of "
             "Castellanos Alonso 2023",
             "testbench.studies.elbow.study",
+            ("protocol", "session"),
         ),
         Study(
             "reference-2",
