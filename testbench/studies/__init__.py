@@ -102,6 +102,10 @@ class Study:
         return KeptStudy(record, folder, study_report(record, folder))
 
 
+_OF_TURNS = {
+    "every": "only one sample of so many is taken while the sensor turns",
+    "stages": "where integrators get the rates inside a step: measured, interpolated or constant",
+}
 STUDIES = {
     study.name: study
     for study in (
@@ -110,6 +114,8 @@ STUDIES = {
             "Integrators in the calibration of a gyroscope on a gimbal, beside tables 4.1 to 4.7 "
             "of Botina & Vergara 2018",
             "testbench.studies.gimvebo.study",
+            ("protocol", "session"),
+            _OF_TURNS,
         ),
         Study(
             "beta_zeta",
@@ -139,6 +145,8 @@ STUDIES = {
             "reference-3",
             "The study gimvebo under the name of its publication, Botina & Vergara 2018",
             "testbench.studies.gimvebo.study",
+            ("protocol", "session"),
+            _OF_TURNS,
         ),
         Study(
             "reference-4",
