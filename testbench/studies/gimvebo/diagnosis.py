@@ -125,7 +125,9 @@ def norm_reasons(
             )
             reasons.append(StudyReason(claim, verdict, NORMS))
         if not fitting:
-            reasons.append(StudyReason(words.NORM_OPEN.format(published=TITLES[name]), "open"))
+            above = words.ABOVE_ONE if box.upper > 1 else ""
+            told = words.NORM_OPEN.format(published=TITLES[name], above=above)
+            reasons.append(StudyReason(told, "open"))
     return tuple(reasons)
 
 

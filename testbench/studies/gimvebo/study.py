@@ -317,7 +317,7 @@ def _beside(tested: dict[str, Any], tables: Sequence[StudyTable]) -> tuple[str, 
             words.FOUND_FITTING.format(
                 published=TITLES[name],
                 tried=len(several),
-                fitting=f"in {len(fitting)}" if fitting else "in none",
+                fitting=f"{len(fitting)} have" if fitting else "none has",
                 which=f" ({', '.join(fitting)})" if fitting else "",
             )
         )

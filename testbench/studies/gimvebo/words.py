@@ -88,8 +88,10 @@ NORM_CLAIM = (
 
 NORM_OPEN = (
     "No hypothesis of the table gives all published figures of the norms of {published}; what made "
-    "them is open, and so is what made norms above 1."
+    "them is open{above}."
 )
+
+ABOVE_ONE = ", and so is what made norms above 1"
 
 ANGLES_HOW = (
     "Rates in deg/s are taken for rad/s, without bias; the fit of nine parameters begins at scales "
@@ -155,5 +157,5 @@ FOUND_PARAMETERS = (
 
 FOUND_FITTING = (
     "{published}: of {tried} hypotheses with deg/s taken for rad/s, {fitting} every published "
-    "figure of the norms lie within the range of our turns{which}."
+    "figure of the norms within the range of our turns{which}."
 )
