@@ -102,6 +102,10 @@ class Study:
         return KeptStudy(record, folder, study_report(record, folder))
 
 
+_OF_TURNS = {
+    "every": "only one sample of so many is taken while the sensor turns",
+    "stages": "where integrators get the rates inside a step: measured, interpolated or constant",
+}
 STUDIES = {
     study.name: study
     for study in (
@@ -110,6 +114,8 @@ STUDIES = {
             "Integrators in the calibration of a gyroscope on a gimbal, beside tables 4.1 to 4.7 "
             "of Botina & Vergara 2018",
             "testbench.studies.gimvebo.study",
+            ("protocol", "session"),
+            _OF_TURNS,
         ),
         Study(
             "beta_zeta",
@@ -122,12 +128,14 @@ STUDIES = {
             "misalignment",
             "Misaligned segments: theory, its fits, every sequence, and a session beside them",
             "testbench.studies.elbow.misalignment",
+            ("protocol", "session"),
         ),
         Study(
             "reference-1",
             "Joint angles of an elbow played by a UR3e, beside section 4 and tables 5.1 to 5.10 of "
             "Castellanos Alonso 2023",
             "testbench.studies.elbow.study",
+            ("protocol", "session"),
         ),
         Study(
             "reference-2",
@@ -139,6 +147,8 @@ STUDIES = {
             "reference-3",
             "The study gimvebo under the name of its publication, Botina & Vergara 2018",
             "testbench.studies.gimvebo.study",
+            ("protocol", "session"),
+            _OF_TURNS,
         ),
         Study(
             "reference-4",

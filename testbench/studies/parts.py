@@ -21,6 +21,8 @@ from testbench.pipeline.watcher import Watcher
 from testbench.records.results.numbers import decimals_by
 from testbench.records.results.study import StudyRow, StudyTable, Value
 
+SAME = 1e-9
+"""Share of a mean below which a spread is that of rounding."""
 MOST_PROCESSES = 8
 """More would wait for memory rather than for processors."""
 
@@ -111,7 +113,8 @@ def _cell(values: Sequence[Value]) -> tuple[Value, Value]:
         return (values[0] if len(set(values)) == 1 else None), None
     if len(numbers) == 1:
         return numbers[0], None
-    return float(np.mean(numbers)), float(np.std(numbers, ddof=1))
+    mean, sd = float(np.mean(numbers)), float(np.std(numbers, ddof=1))
+    return mean, sd if sd > SAME * abs(mean) else None  # what no part changes has no spread
 
 
 def number_with(values: Sequence[float]) -> str:

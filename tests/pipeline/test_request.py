@@ -84,7 +84,7 @@ def test_what_a_study_runs_is_told_by_its_request():
     assert [study.name for study in wanted_studies(StudyRequest(name="gimvebo"))] == ["gimvebo"]
     with pytest.raises(NotFoundError, match="unknown study 'bode'"):
         wanted_studies(StudyRequest(name="bode"))
-    with pytest.raises(InputError, match="takes no --protocol"):
+    with pytest.raises(InputError, match="takes neither --protocol nor --session"):
         wanted_studies(StudyRequest(protocol="quick"))
     asked = StudyRequest(name="gimvebo", seed=4, parts=2, logs="kept", protocol="own.yaml")
     bench = StudyBench.of(asked, FakeClock())

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from testbench.clock import SystemClock
-from testbench.exceptions import InputError
+from testbench.exceptions import InputError, NotFoundError
 from testbench.records.results.study import StudyRecord
 from testbench.studies import get_study, references
 from testbench.studies.bench import StudyBench
@@ -80,8 +80,14 @@ def test_a_protocol_that_a_study_cannot_use_is_refused_before_anything_runs(benc
     empty = replace(bench, logs=tmp_path / "logs")
     with pytest.raises(InputError, match="static_noise has no sweep"):
         get_study("reference-4").run(replace(empty, protocol="static_noise"))
-    with pytest.raises(InputError, match="taken by: reference-4"):
-        get_study("reference-1").run(replace(empty, protocol="shank_swing"))
+    with pytest.raises(InputError, match="takes no protocol but its own; another is taken by:"):
+        get_study("beta_zeta").run(replace(empty, protocol="shank_swing"))
+    with pytest.raises(InputError, match="takes no session but its own; another is taken by:"):
+        get_study("beta_zeta").run(replace(empty, session="somewhere"))
+    with pytest.raises(InputError, match="name one of them"):
+        get_study("reference-1").run(replace(empty, session="somewhere", protocol="shank_swing"))
+    with pytest.raises(NotFoundError, match="option of reference-3 'interval'; known: every"):
+        get_study("reference-3").run(replace(empty, options={"interval": "2"}))
     assert not (tmp_path / "logs").exists()
 
 

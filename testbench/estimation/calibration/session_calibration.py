@@ -379,7 +379,9 @@ def _gyroscope(
     ]
     known: set[Known] = {"arm"} if prepared.has_truth else set()
     for method in [named] if named else methods_to_try("gyroscope", known):
-        asked = {"angle": turns.angle} if "turn_angle" in method.asks else {}
+        asked: dict[str, object] = {}
+        if "turn_angle" in method.asks:
+            asked["angle"] = turns.angle
         asked |= turns.of_integration if method.integrates else {}
         function = with_drift(partial(method.function, **asked))
         try:

@@ -105,9 +105,16 @@ class Turn:
         def thinned(array: np.ndarray | None) -> np.ndarray | None:
             return None if array is None else array[::count]
 
-        keys = ("q_world_from_sensor", "rate", "force", "temperature", "time")
-        left = {key: thinned(getattr(self, key)) for key in keys}
-        return replace(self, gyr=self.gyr[::count], interval=count * self.interval, **left)
+        return replace(
+            self,
+            gyr=self.gyr[::count],
+            interval=count * self.interval,
+            q_world_from_sensor=thinned(self.q_world_from_sensor),
+            rate=thinned(self.rate),
+            force=thinned(self.force),
+            temperature=thinned(self.temperature),
+            time=thinned(self.time),
+        )
 
     def part(self, begin: int, end: int) -> Turn:
         """The samples from `begin` up to `end`, without the directions at its ends."""

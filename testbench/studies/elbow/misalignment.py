@@ -14,7 +14,13 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from testbench.model.misalignment import AxisName, flexion_index, misalignment_errors, sensor_errors
+from testbench.model.misalignment import (
+    AxisName,
+    flexion_index,
+    misalignment_errors,
+    sensor_errors,
+    start_pose_errors,
+)
 from testbench.model.statistics.polynomial import PolynomialFit, fit_quadratic, fit_surface
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.study import (
@@ -31,7 +37,12 @@ from testbench.records.specs.joint_definition import FlexionAngle
 from testbench.records.specs.published import PublishedTables, load_published_tables
 from testbench.records.specs.strict import EulerSequence
 from testbench.studies.bench import StudyBench
-from testbench.studies.elbow.misalignment_session import session_curves, session_table
+from testbench.studies.elbow.misalignment_session import (
+    MEASURED,
+    session_curves,
+    session_table,
+)
+from testbench.studies.parts import over_parts
 from testbench.studies.result import StudyResult
 
 FLEXION_DEG = np.arange(0.0, 71.0, 5.0)
@@ -47,6 +58,9 @@ times the residual.
 SEQUENCES: tuple[str, ...] = get_args(EulerSequence)
 AXIS_NAMES: tuple[AxisName, ...] = get_args(AxisName)
 TURNS = {"X": "roll", "Y": "pitch", "Z": "yaw"}
+SIDES = {"proximal": "arm", "distal": "forearm"}
+ALL_AXES_DEG = (5.0, 5.0, 7.0)
+"""Yaw, pitch and roll of the annex, together."""
 
 PROTOCOL, FILTERS = "elbow_flexion", ("device", "vqf_6d")
 """The session, and the filters that stand for the sensors in it."""
@@ -57,29 +71,40 @@ QUESTION = (
 
 
 def run(bench: StudyBench) -> StudyRecord:
-    """Run the elbow under misalignment and put the theory beside it."""
+    """Run the elbow under misalignment, or ask a session of it, and put the theory beside it."""
     started = bench.now()
-    result = bench.run(PROTOCOL, FILTERS)
+    results = bench.results(PROTOCOL, None if bench.own else FILTERS)
     bench.say("theory, fits and tables")
-    study = misalignment_study(session=result.session, evaluation=result.evaluation)
-    measured = study.table("elbow measured")
+    first = results[0]
+    study = misalignment_study(session=first.session, evaluation=first.evaluation)
+    measured = [
+        over_parts([session_table(each.session, each.evaluation, joint) for each in results])
+        for joint in first.session.analysis.joints
+    ]
+    tables = tuple(table for table in study.tables if not table.key.endswith(MEASURED))
     found = tuple(
         f"{row.label}: the definition is wrong by {row.values[1]:.3f} deg in the mean and "
         f"{row.values[2]:.2f} deg at most, what was measured by {row.values[3]:.3f} and "
-        f"{row.values[4]:.2f} deg."
-        for row in measured.rows
+        f"{row.values[4]:.2f} deg{over(len(results))}."
+        for table in measured
+        for row in table.rows
     )
-    settings = {"protocol": PROTOCOL, "seed": bench.seed, "parts": 1, "filters": ", ".join(FILTERS)}
-    return replace(study, findings=study.findings + found).record(
+    settings = {**bench.settings(PROTOCOL), "filters": ", ".join(FILTERS)}
+    return replace(study, findings=study.findings + found, tables=(*tables, *measured)).record(
         "misalignment",
         "Misaligned segments",
         QUESTION,
         started,
         settings,
-        [str(result.session.path)],
-        "It gives what is called simulation and measurement in the figures of the elbow and its "
-        "table; the rest is theory.",
+        [str(each.session.path) for each in results],
+        "They give what is called simulation and measurement in the figures of the elbow, of the "
+        "first, and its table; the rest is theory.",
     )
+
+
+def over(parts: int) -> str:
+    """Of how many parts a mean is."""
+    return f", means of {parts} parts" if parts > 1 else ""
 
 
 def misalignment_study(
@@ -131,6 +156,7 @@ def misalignment_study(
         surface_table(magnitudes, flexion_deg, misalignment_deg),
         axes_table(grids, misalignment_deg, sequence),
         sequences_table(flexion_deg, misalignment_deg, flexion_about),
+        sides_table(flexion_deg, misalignment_deg, sequence, flexion_about),
         sensor_table(flexion_deg, misalignment_deg, sequence, flexion_about),
     ]
     curves = [_theory_curves(magnitudes, flexion_deg, misalignment_deg, sequence)]
@@ -200,12 +226,26 @@ def fit_table(
     return StudyTable(
         "fits",
         "Quadratic fits a d² + b d + c of |error| over the misalignment d about X, by flexion",
-        ("a [1/deg]", "a from", "a to", "b", "c [deg]", "R²", "adjusted R²", "RMSE [deg]"),
+        (
+            "a [1/deg]",
+            "a from",
+            "a to",
+            "b",
+            "b from",
+            "b to",
+            "c [deg]",
+            "c from",
+            "c to",
+            "R²",
+            "adjusted R²",
+            "RMSE [deg]",
+        ),
         tuple(rows),
-        "How to read: a is how fast the error grows with the square of the misalignment, with its "
-        "95 % confidence interval. The residual is the model's, not noise: |error| is no parabola.",
+        "How to read: a is how fast the error grows with the square of the misalignment; from and "
+        "to are ends of 95 % confidence intervals. The residual is the model's, not noise: |error| "
+        "is no parabola.",
         " ".join(["They agree to the last digit printed.", *remarks]) if theirs else "",
-        decimals=(5, 5, 5, 1, 5, 4, 4, 5),
+        decimals=(5, 5, 5, 1, 6, 6, 5, 5, 5, 4, 4, 5),
         ratio_column=0,
         short="Quadratic fits",
     )
@@ -219,7 +259,9 @@ def _fit_values(fit: PolynomialFit) -> tuple[Value, ...]:
         fit.value("a"),
         *fit.interval("a"),
         fit.value("b"),
+        *fit.interval("b"),
         fit.value("c"),
+        *fit.interval("c"),
         *explained,
         fit.rmse,
     )
@@ -324,6 +366,58 @@ def sequences_table(
         f"{flexion_deg.max():g} deg. A sequence with {flexion_about} twice is left out: there the "
         "flexion is a sum of two angles.",
         decimals=(0, 3, 3, 3),
+    )
+
+
+def sides_table(
+    flexion_deg: np.ndarray,
+    misalignment_deg: np.ndarray,
+    sequence: str,
+    flexion_about: AxisName = "Y",
+) -> StudyTable:
+    """Arm or forearm misaligned at the start (eqs 2.18, 2.20), one axis at a time and all together.
+
+    Args:
+        flexion_deg: Shape (f,) [deg].
+        misalignment_deg: Increasing, shape (d,) [deg].
+        sequence: Intrinsic Euler sequence whose flexion is judged.
+        flexion_about: Axis of the flexion.
+    """
+    index = flexion_index(sequence, flexion_about)
+    rows = []
+    sides: tuple[Literal["proximal", "distal"], ...] = ("proximal", "distal")
+    for which in sides:
+        for axis in AXIS_NAMES:
+            errors = misalignment_errors(
+                sequence,
+                axis,
+                np.radians(flexion_deg),
+                np.radians(misalignment_deg),
+                flexion_about,
+                which,
+            )
+            magnitude = np.degrees(np.abs(errors[..., index]))
+            ends = [float(magnitude[i, -1]) for i in (0, len(flexion_deg) // 2, -1)]
+            rows.append(
+                StudyRow(f"{SIDES[which]}, about {axis}", (*ends, float(np.nanmax(magnitude))))
+            )
+        together = start_pose_errors(
+            sequence, np.radians(flexion_deg), np.radians(ALL_AXES_DEG), flexion_about, which
+        )
+        magnitude = np.degrees(np.abs(together[:, index]))
+        ends = [float(magnitude[i]) for i in (0, len(flexion_deg) // 2, -1)]
+        row = (*ends, float(np.nanmax(magnitude)))
+        rows.append(StudyRow(f"{SIDES[which]}, yaw, pitch, roll of 5, 5, 7 deg", row))
+    shown = (flexion_deg[0], flexion_deg[len(flexion_deg) // 2], flexion_deg[-1])
+    return StudyTable(
+        "sides",
+        f"Arm or forearm misaligned at the start by {misalignment_deg[-1]:g} deg, {sequence}",
+        (*(f"|error| at flexion {f:g} [deg]" for f in shown), "largest |error| [deg]"),
+        tuple(rows),
+        "How to read: the segment is taken to start level and does not (eq. 2.18 of the arm, 2.20 "
+        "of the forearm); yaw, pitch and roll together are those of the annex (eq. 2.19).",
+        decimals=(3, 3, 3, 3),
+        short="Arm and forearm",
     )
 
 

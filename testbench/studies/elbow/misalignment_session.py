@@ -20,6 +20,9 @@ from testbench.records.session.session import Session
 from testbench.records.specs.joint_definition import FlexionAngle
 from testbench.records.specs.protocol import JointDefinition
 
+MEASURED = "measured"
+"""What the keys of tables of a session end in."""
+
 
 def session_curves(
     session: Session,
@@ -104,7 +107,7 @@ def session_table(session: Session, evaluation: Evaluation, joint: str) -> Study
             values = (len(own), *_mean_and_largest(simulated), *_mean_and_largest(measured))
             body.append(StudyRow(f"{definition.label}, {name}", values))
     return StudyTable(
-        f"{joint} measured",
+        f"{joint} {MEASURED}",
         f"Session {session.name}, {joint}: error of the definition beside that of the filters",
         (
             "poses",
@@ -145,7 +148,8 @@ def theoretical_error(
         Shape (d,) [deg]; None for definitions that it does not cover.
     """
     kind = definition.rotation
-    if isinstance(kind, str) or kind.euler is None or definition.flexion != "second":
+    in_world = definition.seen_from == "world"
+    if isinstance(kind, str) or kind.euler is None or definition.flexion != "second" or in_world:
         return None
     if kind.euler[0] == kind.euler[2]:
         return np.zeros(len(misalignment_deg))

@@ -12,45 +12,74 @@ from testbench.clock import Clock
 from testbench.estimation.calibration.gyroscope import (
     gravity_direction_errors,
     gravity_turns,
-    static_bias,
 )
+from testbench.estimation.calibration.turn_integration import TurnIntegration
+from testbench.exceptions import InputError
 from testbench.frames import NANOSECONDS
+from testbench.model import rotation
 from testbench.model.integrators import Stages, get_integrator
 from testbench.records.results.calibration import TriadCalibration
 from testbench.records.results.study import BoxNumbers, StudyRow, StudyTable, Value
 from testbench.records.specs.published import PublishedRow, PublishedTables
 from testbench.studies.gimvebo import words
-from testbench.studies.gimvebo.recording import NONE, Part
+from testbench.studies.gimvebo.recording import NONE, Part, bias_of
 
 BOX = ("Q1", "median", "Q3", "IQR", "lower whisker", "upper whisker", "outliers")
-INTEGRATORS = {"rk4": "4.3", "cg4": "4.4", "trapezoid": "4.5"}
+INTEGRATORS = {"rk4": "4.3", "cg4": "4.4", "tustin": "4.5"}
 """The integrators of the publication, and the tables of their angles."""
 TITLES = {
     "rk4": "RK4",
     "cg4": "Crouch-Grossman 4",
-    "trapezoid": "Tustin (trapezoid)",
+    "tustin": "Tustin (implicit)",
+    "trapezoid": "Heun (explicit trapezoid)",
     "euler": "Euler",
     "midpoint": "exponential midpoint",
 }
 RUNS = 5
 MOST_OUTLIERS = 6
+THINNED = (1, 2, 4)
+"""One sample of so many, in the table of sampling intervals."""
+OF_FITTED = "of turns that were fitted"
+OTHER_MACHINE = "in MATLAB on a machine of 1.70 GHz"
 
 
 @dataclass(frozen=True)
 class Calibrated:
-    """The gyroscope of a part, calibrated with one integrator on the section `fit`: nine
-    parameters, or g-sensitivity too.
+    """The gyroscope of a part, calibrated with one integrator on the turns that are not held out.
+
+    Attributes:
+        nine: Scales, misalignments and biases.
+        with_g: The response to specific force too; None where no force was recorded in motion.
     """
 
     nine: TriadCalibration
-    with_g: TriadCalibration
+    with_g: TriadCalibration | None
+
+    def named(self) -> list[tuple[str, TriadCalibration]]:
+        """Those that there are, with words for them."""
+        both = (("nine parameters", self.nine), ("with g-sensitivity", self.with_g))
+        return [(name, found) for name, found in both if found is not None]
 
 
 def calibrate(part: Part, integrator: str) -> Calibrated:
-    """Fit the gyroscope to the turns of the section `fit`."""
+    """Fit the gyroscope to the turns that are not held out."""
+    stages = stages_of(part, integrator)
     return Calibrated(
-        gravity_turns(part.fit, integrator), gravity_turns(part.fit, integrator, g_sensitivity=True)
+        gravity_turns(part.fit, integrator, stages),
+        gravity_turns(part.fit, integrator, stages, g_sensitivity=True)
+        if part.knows_force
+        else None,
     )
+
+
+def stages_of(part: Part, integrator: str) -> Stages:
+    """Where an integrator gets the rates inside a step: as asked, or its best where it cannot."""
+    method = get_integrator(integrator)
+    if part.stages is None or (
+        part.stages == "measured" and any(node not in (0.0, 0.5, 1.0) for node in method.nodes)
+    ):
+        return method.best_stages
+    return part.stages
 
 
 def angles(
@@ -70,10 +99,36 @@ def angles(
         stages: Where the integrator gets the rates between samples; its best if None.
 
     Returns:
-        Shape (10,) [deg].
+        Shape (m,) [deg].
     """
     turns = (part.held_out_raw if raw else part.held_out).turns
-    return np.degrees(gravity_direction_errors(calibration, turns, integrator, stages))
+    by = stages or stages_of(part, integrator)
+    return np.degrees(gravity_direction_errors(calibration, turns, integrator, by))
+
+
+def heading_errors(part: Part, calibration: TriadCalibration, integrator: str) -> np.ndarray:
+    """By how much integration misses the heading after each held-out turn.
+
+    Gravity says nothing of it: the true turn must be known.
+
+    Args:
+        part: With true turns.
+        calibration: Of the gyroscope.
+        integrator: Its name.
+
+    Returns:
+        Magnitude of the error about the vertical, shape (m,) [deg].
+    """
+    assert part.true_turns is not None
+    turns = part.held_out.turns
+    ends = TurnIntegration(turns, get_integrator(integrator), stages_of(part, integrator)).run(
+        calibration.matrix, calibration.bias, calibration.g_matrix
+    )
+    missed = rotation.to_rotation_vector(
+        rotation.multiply(rotation.conjugate(part.true_turns), ends.q_before_from_after)
+    )
+    up = np.array([turn.up_after for turn in turns], dtype=float)
+    return np.asarray(np.degrees(np.abs(np.sum(missed * up, axis=1))))
 
 
 def box_values(box: BoxNumbers, decimals: int = 2) -> tuple[Value, ...]:
@@ -127,6 +182,29 @@ def magnitude_table(part: Part, published: PublishedTables) -> StudyTable:
     )
 
 
+def _other_samples(label: str, name: str) -> str:
+    """What the published magnitudes are of, where that is not what ours are."""
+    if "means" in name:
+        return "of 500 samples, single or not is not said"
+    return "of 500 samples, of which the noise was taken" if label == "calibrated" else ""
+
+
+def norms_of_turns(part: Part, integrator: str, bias: np.ndarray) -> list[np.ndarray]:
+    """Norm of the quaternion after each step of each held-out turn, in rad/s.
+
+    Args:
+        part: Of the study.
+        integrator: Its name.
+        bias: Taken from the rates, shape (3,) [rad/s].
+    """
+    method, stages, found = get_integrator(integrator), stages_of(part, integrator), []
+    for turn in part.held_out.turns:
+        n = len(turn.gyr) - (stages == "measured" and len(turn.gyr) % 2 == 0)
+        q = method.integrate((turn.gyr - bias)[:n], turn.interval, stages=stages)
+        found.append(np.linalg.norm(q[1:], axis=1))
+    return found
+
+
 def norm_table(part: Part, published: PublishedTables, bias: np.ndarray) -> StudyTable:
     """Table 4.2: the norm of the quaternion, by correct integrators.
 
@@ -135,40 +213,30 @@ def norm_table(part: Part, published: PublishedTables, bias: np.ndarray) -> Stud
         published: Tables of the source.
         bias: Taken from the rates, shape (3,) [rad/s].
     """
-    rows, worst = [], {}
-    for name in ("rk4", "trapezoid", "cg4", "midpoint", "euler_raw"):
-        integrator = get_integrator(name)
-        stages, found = integrator.best_stages, []
-        for turn in part.held_out.turns:
-            rates = (turn.gyr - bias)[
-                : len(turn.gyr) - (stages == "measured" and len(turn.gyr) % 2 == 0)
-            ]
-            found.append(
-                np.linalg.norm(
-                    integrator.integrate(rates, turn.interval, stages=stages)[1:], axis=1
-                )
-            )
-        values = np.concatenate(found)
-        worst[name] = float(np.abs(values - 1).max())
+    rows = []
+    for name in ("rk4", "tustin", "cg4", "trapezoid", "midpoint", "euler_raw"):
+        turns = norms_of_turns(part, name, bias)
+        values = np.concatenate(turns)
+        largest = float(np.abs(values - 1).max())
+        ends = float(max(abs(turn[-1] - 1) for turn in turns))
         theirs = (
-            (*published_box(published.tables["4.2"].row(name))[:6], None)
+            (*published_box(published.tables["4.2"].row(name))[:6], None, None)
             if name in INTEGRATORS
             else ()
         )
         label = "Euler, not scaled back" if name == "euler_raw" else TITLES[name]
-        rows.append(
-            StudyRow(label, (*box_values(BoxNumbers.of(values))[:6], f"{worst[name]:.1e}"), theirs)
-        )
+        row = (*box_values(BoxNumbers.of(values))[:6], largest, ends)
+        rows.append(StudyRow(label, row, theirs))
     return StudyTable(
         "4.2",
         "Norm of the quaternion after each step, never scaled back",
-        (*BOX[:6], "largest deviation from 1"),
+        (*BOX[:6], "largest deviation from 1", "the same after the turn"),
         tuple(rows),
-        "How to read: rates in rad/s, all ten held-out turns; 1 means that the quaternion is still "
+        "How to read: rates in rad/s, all held-out turns; 1 means that the quaternion is still "
         "a rotation.",
-        words.NORM.format(**worst),
+        words.NORM,
         "4.2",
-        (5, 5, 5, 5, 5, 5, 0),
+        (5, 5, 5, 5, 5, 5, 15, 15),
         1,
     )
 
@@ -179,7 +247,7 @@ def angle_table(
     """Tables 4.3 to 4.5: gravity after the turn, with and without calibration."""
     number = INTEGRATORS[integrator]
     beside = published.tables[number]
-    found = (
+    found: list[tuple[str, np.ndarray, str]] = [
         (
             "accelerometer and gyroscope calibrated",
             angles(part, calibrated.nine, integrator),
@@ -187,22 +255,18 @@ def angle_table(
         ),
         ("accelerometer alone calibrated", angles(part, NONE, integrator), "accelerometer"),
         ("neither calibrated", angles(part, NONE, integrator, raw=True), "none"),
-        (
-            "both calibrated, gyroscope with g-sensitivity",
-            angles(part, calibrated.with_g, integrator),
-            "",
-        ),
-        (
-            "accelerometer calibrated, bias alone of the gyroscope",
-            angles(part, static_bias(part.fit), integrator),
-            "",
-        ),
-    )
+    ]
+    if calibrated.with_g is not None:
+        with_g = angles(part, calibrated.with_g, integrator)
+        found.append(("both calibrated, gyroscope with g-sensitivity", with_g, ""))
+    by_bias = angles(part, bias_of(part), integrator)
+    found.append(("accelerometer calibrated, bias alone of the gyroscope", by_bias, ""))
     rows = tuple(
         StudyRow(
             label,
             box_values(BoxNumbers.of(values), 3),
             published_box(beside.row(theirs)) if theirs else (),
+            other=OF_FITTED if theirs else "",
         )
         for label, values, theirs in found
     )
@@ -211,12 +275,19 @@ def angle_table(
         f"Angle between gravity by the accelerometer and by {TITLES[integrator]}, after the turn",
         tuple(f"{title} [deg]" for title in BOX),
         rows,
-        f"{words.BOX_HOW} Ten held-out turns of 4 s.",
-        words.ANGLES[integrator],
+        f"{words.BOX_HOW} {_turned(part)}",
+        words.ANGLES,
         number,
         (3,) * 7,
-        1,
     )
+
+
+def _turned(part: Part) -> str:
+    """How many turns judge, of what length."""
+    turns = part.held_out.turns
+    lasting = float(np.median([(len(turn.gyr) - 1) * turn.interval for turn in turns]))
+    which = "turns that were fitted" if part.fitted else "held-out turns"
+    return f"{len(turns)} {which}, of {lasting:.0f} s."
 
 
 def others_table(part: Part, calibrated: Mapping[str, Calibrated]) -> StudyTable:
@@ -228,19 +299,73 @@ def others_table(part: Part, calibrated: Mapping[str, Calibrated]) -> StudyTable
         )
         for name, found in calibrated.items()
         if name not in INTEGRATORS
-        for label, calibration in (
-            ("nine parameters", found.nine),
-            ("with g-sensitivity", found.with_g),
-        )
+        for label, calibration in found.named()
     ]
     return StudyTable(
         "others",
         "The same angle by other integrators, everything calibrated",
         tuple(f"{title} [deg]" for title in BOX),
         tuple(rows),
-        f"{words.BOX_HOW} Ten held-out turns of 4 s.",
+        f"{words.BOX_HOW} {_turned(part)}",
         decimals=(3,) * 7,
     )
+
+
+def heading_table(part: Part, calibrated: Mapping[str, Calibrated]) -> StudyTable:
+    """What gravity cannot see: the heading after each turn, by the arm."""
+    rows = []
+    for name, found in calibrated.items():
+        for label, calibration in found.named():
+            values = BoxNumbers.of(heading_errors(part, calibration, name))
+            rows.append(StudyRow(f"{TITLES[name]}, {label}", box_values(values, 3)))
+    return StudyTable(
+        "heading",
+        "Error of the heading after the turn",
+        tuple(f"{title} [deg]" for title in BOX),
+        tuple(rows),
+        f"{words.BOX_HOW} {_turned(part)} By the angles of the gimbal, which gravity is blind to; "
+        "the axes are those of the calibrated accelerometer.",
+        words.HEADING,
+        decimals=(3,) * 7,
+        short="Heading",
+    )
+
+
+def interval_table(part: Part) -> StudyTable:
+    """The angle by longer sampling intervals, and by where the rates inside a step come from."""
+    rows = []
+    ways: Sequence[tuple[str, Stages]] = (
+        ("rk4", "measured"),
+        ("rk4", "interpolated"),
+        ("rk4", "constant"),
+        ("cg4", "interpolated"),
+        ("tustin", "interpolated"),
+        ("euler", "interpolated"),
+    )
+    for name, stages in ways:
+        values = [_median_with_g(part.every(count), name, stages) for count in THINNED]
+        rows.append(StudyRow(f"{TITLES[name]}, rate {stages}", tuple(values)))
+    return StudyTable(
+        "intervals",
+        "Median of the angle by sampling interval",
+        tuple(f"{1e3 * count * part.interval:.0f} ms [deg]" for count in THINNED),
+        tuple(rows),
+        "How to read: the same turns, of which only every second or fourth sample is taken; "
+        "calibrated and evaluated with the integrator and the interval of the cell, g-sensitivity "
+        "fitted where the force is known.",
+        words.INTERVALS,
+        decimals=(4,) * len(THINNED),
+        short="Sampling interval",
+    )
+
+
+def _median_with_g(part: Part, integrator: str, stages: Stages) -> float | None:
+    """Of the angle, calibrated and judged alike; None where the turns do not determine it."""
+    try:
+        found = gravity_turns(part.fit, integrator, stages, g_sensitivity=part.knows_force)
+    except InputError:
+        return None
+    return float(np.median(angles(part, found, integrator, stages=stages)))
 
 
 def stages_table(part: Part, published: PublishedTables) -> StudyTable:
@@ -248,22 +373,24 @@ def stages_table(part: Part, published: PublishedTables) -> StudyTable:
     rows = []
     settings: Sequence[Stages] = ("constant", "measured", "interpolated")
     for stages in settings:
-        found = gravity_turns(part.fit, "rk4", stages, g_sensitivity=True)
+        found = gravity_turns(part.fit, "rk4", stages, g_sensitivity=part.knows_force)
         box = BoxNumbers.of(angles(part, found, "rk4", stages=stages))
         theirs = (
             published_box(published.tables["4.6"].row(stages)) if stages != "interpolated" else ()
         )
-        rows.append(StudyRow(f"rate {stages} over the step", box_values(box, 4), theirs))
+        other = OF_FITTED if theirs else ""
+        label = f"rate {stages} over the step"
+        rows.append(StudyRow(label, box_values(box, 4), theirs, other=other))
     return StudyTable(
         "4.6",
         "RK4 with a constant and with a measured rate in the middle of the step, the same angle",
         tuple(f"{title} [deg]" for title in BOX),
         tuple(rows),
-        f"{words.BOX_HOW} With g-sensitivity, whose error would hide the difference.",
+        f"{words.BOX_HOW} With g-sensitivity, whose error would hide the difference, where the "
+        "force is known.",
         words.STAGES,
         "4.6",
         (4,) * 7,
-        1,
     )
 
 
@@ -275,13 +402,12 @@ def time_table(part: Part, published: PublishedTables, clock: Clock) -> StudyTab
     theirs = np.array(
         [published.tables["4.7"].row(f"run {i + 1}").values for i in range(RUNS)], dtype=float
     )
+    named = [(f"run {i + 1}", measured[i], theirs[i]) for i in range(RUNS)]
+    named.append(("mean", measured.mean(axis=0), theirs.mean(axis=0)))
     rows = [
-        StudyRow(f"run {i + 1}", tuple(measured[i].tolist()), tuple(theirs[i].tolist()))
-        for i in range(RUNS)
+        StudyRow(label, tuple(own.tolist()), tuple(other.tolist()), other=OTHER_MACHINE)
+        for label, own, other in named
     ]
-    rows.append(
-        StudyRow("mean", tuple(measured.mean(axis=0).tolist()), tuple(theirs.mean(axis=0).tolist()))
-    )
     return StudyTable(
         "4.7",
         "Run time of the whole calibration of the gyroscope",
@@ -291,7 +417,6 @@ def time_table(part: Part, published: PublishedTables, clock: Clock) -> StudyTab
         words.TIME,
         "4.7",
         (4,) * 6,
-        0,
     )
 
 
@@ -300,31 +425,3 @@ def _timed(part: Part, integrator: str, clock: Clock) -> tuple[float, float]:
     begin, processor = clock.monotonic_ns(), time.process_time()
     gravity_turns(part.fit, integrator)
     return (clock.monotonic_ns() - begin) / NANOSECONDS, time.process_time() - processor
-
-
-def parts_table(parts: Sequence[Part]) -> StudyTable:
-    """How much hangs on the part: the same for several sensors off the line."""
-    rows = []
-    for part in parts:
-        values: list[Value] = []
-        for name in ("rk4", "cg4"):
-            found = calibrate(part, name)
-            for calibration in (found.nine, found.with_g):
-                errors = angles(part, calibration, name)
-                values += [float(np.median(errors)), float(errors.max())]
-        rows.append(StudyRow(part.session, tuple(values)))
-    titles = tuple(
-        f"{name}, {kind}, {figure} [deg]"
-        for name in ("RK4", "CG4")
-        for kind in ("nine parameters", "with g")
-        for figure in ("median", "largest")
-    )
-    return StudyTable(
-        "parts",
-        "The same for other parts of the same kind",
-        titles,
-        tuple(rows),
-        "How to read: each row is a session with a part of its own errors; angle after the ten "
-        "held-out turns, everything calibrated. The first row is the part of the tables above.",
-        decimals=(3,) * len(titles),
-    )
