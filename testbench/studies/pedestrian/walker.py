@@ -42,6 +42,7 @@ class Walker:
     Attributes:
         stride_m: Mean length of a stride: 151.72 m over 109 gait cycles of the source.
         stride_s: Mean time of a stride: 105 steps a minute (Winter 1987).
+        size: Of all angles of the leg and the arm over those of the curves [1].
         swing_cv: Standard deviation of a stride's size, of all angles alike [1]. This and the next
             three are those of the straight strides of a healthy walker by markers and rates
             (github mad-lab-fau/gaitmap, example data: 25 strides of either foot).
@@ -63,6 +64,7 @@ class Walker:
 
     stride_m: float = 1.392
     stride_s: float = 1 / 0.875
+    size: float = 1.0
     swing_cv: float = 0.027
     length_cv: float = 0.034
     length_slope: float = 1.0
@@ -170,7 +172,7 @@ def _strides(
     late = walker.time_cv * (-0.75 * deviation + np.sqrt(1 - 0.75**2) * other)
     lengths = walker.stride_m * root * (1 + long)
     times = walker.stride_s / root * (1 + late)
-    return lengths, times, root * (1 + walker.swing_cv * z)
+    return lengths, times, walker.size * root * (1 + walker.swing_cv * z)
 
 
 def _path(

@@ -47,8 +47,8 @@ DEVICE, LISTING, TEXT, SIMPLE = (
     "euler_ekf_as_printed",
     "euler_ekf_simple_as_printed",
 )
-OURS = "euler_ekf"
-FILTERS = (LISTING, TEXT, SIMPLE, OURS)
+CORRECTED, OURS = "euler_ekf", "vqf_6d"
+FILTERS = (LISTING, TEXT, SIMPLE, CORRECTED, OURS)
 PRINTS = {LISTING: "listing", TEXT: "text", SIMPLE: "text"}
 PARAMETERS = {"shank": "shin", "wrist": "wrist", "chest": "chest"}
 """Names of the places in table 11."""
@@ -204,9 +204,10 @@ def walks_of_part(part: int) -> Walks:
                 kind = f"{name}: {level}"
                 found.reckoned += reckon(walked, kind, place, "ngimu", part, (LISTING,))
     for fast in (0.85, 1.15):
-        walker = replace(usual, stride_m=usual.stride_m * fast, stride_s=usual.stride_s / fast)
-        scaled = replace(walker, speed=0.0)
-        walked = walk_a_path(scaled, LOOP, [], part, "speeds", str(fast))
+        root = float(np.sqrt(fast))
+        stride_m, stride_s = usual.stride_m * root, usual.stride_s / root
+        walker = replace(usual, stride_m=stride_m, stride_s=stride_s, size=root, speed=0.0)
+        walked = walk_a_path(walker, LOOP, [], part, "speeds", str(fast))
         found.reckoned += reckon(walked, "speeds", "shank", "ngimu", part, (LISTING,))
     return found
 
@@ -291,9 +292,9 @@ def _orientations(
 ) -> np.ndarray:
     """By a filter of the source with its settings, or by ours, shape (n, 4).
 
-    Ours takes the gyroscope's zero from the rest before the walk; the source's has no bias.
+    Ours take the gyroscope's zero from the rest before the walk; the source's has no bias.
     """
-    if name == OURS:
+    if name in (CORRECTED, OURS):
         rest = time_ns < (REST_BEFORE_S - 1) * NANOSECONDS
         samples = replace(samples, gyr=samples.gyr - samples.gyr[rest].mean(axis=0))
         return get_filter(name).run(samples)
