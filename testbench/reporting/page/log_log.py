@@ -53,6 +53,7 @@ def log_log(
                 "fill": "toself",
                 "fillcolor": translucent(colours[name], 0.16),
                 "line": {"width": 0},
+                "name": text(name),
                 "legendgroup": text(name),
                 "showlegend": False,
                 "hoverinfo": "skip",
