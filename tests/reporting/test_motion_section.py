@@ -76,7 +76,9 @@ def test_every_figure_that_the_data_allow_is_there_and_holds_data(kind):
     for key, figure in figures.items():
         for line in figure["data"]:
             y = values(line["y"])
-            assert len(y) > (10 if key.startswith("Allan") else 50) and np.isfinite(y).mean() > 0.9, (key, line["name"])
+            assert (
+                len(y) > (10 if key.startswith("Allan") else 50) and np.isfinite(y).mean() > 0.9
+            ), (key, line["name"])
 
 
 def test_the_range_of_a_joint_stands_at_the_top(kind):
