@@ -69,7 +69,8 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
     sections += [_triad(triad, found) for triad, found in calibration.triads.items()]
     if calibration.mounting is not None:
         sections.append(_mounting(calibration.mounting))
-    sections += [_poses(result), _segmentation(result)]
+    figures = _pose_figures(result)
+    sections += [_poses(result, figures[1:]), _segmentation(result)]
     html = render_page(
         Page(
             title=f"Calibration of {calibration.sensor}",
@@ -77,6 +78,7 @@ def calibration_report(result: CalibrationResult, path: Path) -> Path:
             facts=[fact for fact in facts if fact[1]],
             tiles=_tiles(result),
             sections=sections,
+            answer=figures[:1],
             simulated="a model of the sensor, not from a real one" if calibration.simulated else "",
             kind="calibration",
             footer="Rows in italics are published values. All uncertainties are standard "
@@ -419,7 +421,7 @@ def _pose_figures(result: CalibrationResult) -> list[Block]:
     ]
 
 
-def _poses(result: CalibrationResult) -> Section:
+def _poses(result: CalibrationResult, figures: list[Block]) -> Section:
     poses = result.poses
     rows = []
     for i in range(len(poses.start)):
@@ -459,7 +461,7 @@ def _poses(result: CalibrationResult) -> Section:
         "How to read: mean raw readings at rest, and what the calibration that was fitted to these "
         "poses leaves of them; the last column is against 9.80665 m/s².",
     )
-    return Section("poses", "Poses", [*_pose_figures(result), table])
+    return Section("poses", "Poses", [*figures, table])
 
 
 def _segmentation(result: CalibrationResult) -> Section:

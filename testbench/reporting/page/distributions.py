@@ -7,7 +7,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from testbench.reporting.page.figure_parts import Figure, axis, layout, rounded, text
+from testbench.reporting.page.figure_parts import Figure, axis, layout, rounded, text, titled
 from testbench.reporting.page.palette import translucent
 
 BINS = 40
@@ -55,7 +55,7 @@ def histogram(title: str, values: np.ndarray, colour: str, x_title: str) -> Figu
         "hoverinfo": "skip",
     }
     figure = layout(250, bargap=0, showlegend=False)
-    figure["title"] = {"text": text(title), "font": {"size": 14}, "x": 0.02, "xanchor": "left"}
+    figure["title"] = titled(title)
     figure["xaxis"] = axis(x_title, range=[float(edges[0]), float(edges[-1])], nticks=7)
     figure["yaxis"] = axis(f"density [1/{unit}]", nticks=5)
     return {"data": [bars, curve], "layout": figure}
@@ -87,7 +87,7 @@ def stacked_squares(
         for i, name in enumerate(names)
     ]
     figure = layout(124 + 38 * len(parts), barmode="group", bargap=0.25)
-    figure["title"] = {"text": text(title), "font": {"size": 14}, "x": 0.02, "xanchor": "left"}
+    figure["title"] = titled(title)
     figure["margin"]["t"] += 26
     figure["xaxis"] = axis(x_title, rangemode="tozero")
     figure["yaxis"] = axis("", type="category") | {"tickfont": {"size": 11}}

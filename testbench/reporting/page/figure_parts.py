@@ -29,6 +29,12 @@ def layout(height: int, **more: Any) -> Figure:
     }
 
 
+def titled(words: str) -> Figure:
+    """A title at the upper edge, where it stays whatever room the names of curves take."""
+    place = {"x": 0.02, "xanchor": "left", "y": 1, "yref": "container", "yanchor": "top"}
+    return {"text": text(words), "font": {"size": 14}, "pad": {"t": 8}} | place
+
+
 def axis(title: str, **more: Any) -> Figure:
     """An axis with its title."""
     return {

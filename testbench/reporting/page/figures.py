@@ -24,6 +24,7 @@ from testbench.reporting.page.figure_parts import layout as _layout
 from testbench.reporting.page.figure_parts import packed as _packed
 from testbench.reporting.page.figure_parts import rounded as _rounded
 from testbench.reporting.page.figure_parts import text as _text
+from testbench.reporting.page.figure_parts import titled as _titled
 from testbench.reporting.page.figure_parts import two_lines as _two_lines
 from testbench.reporting.page.palette import REFERENCE, translucent
 
@@ -435,7 +436,7 @@ def dots(
     least = min(values) / 10 if logarithmic else -np.inf
     data = [trace for name, bar in bars.items() for trace in _dot(name, bar, colours[name], least)]
     layout = _layout(104 + 26 * len(bars))
-    layout["title"] = {"text": _text(title), "font": {"size": 14}, "x": 0.02, "xanchor": "left"}
+    layout["title"] = _titled(title)
     layout["margin"]["t"] += 14
     low, high = min([0.0, *ends, *values]), max([*values, *ends, line or 0.0])
     layout["xaxis"] = _axis(x_title) | (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.reporting.page.figure_parts import Figure, axis, layout, rounded, text
+from testbench.reporting.page.figure_parts import Figure, axis, layout, rounded, text, titled
 from testbench.reporting.page.palette import REFERENCE, translucent
 
 
@@ -53,6 +53,7 @@ def log_log(
                 "fill": "toself",
                 "fillcolor": translucent(colours[name], 0.16),
                 "line": {"width": 0},
+                "name": text(name),
                 "legendgroup": text(name),
                 "showlegend": False,
                 "hoverinfo": "skip",
@@ -71,7 +72,7 @@ def log_log(
         line = {"color": REFERENCE, "width": 1.4, "dash": dash}
         data.append(_line(x, values) | {"name": text(name), "line": line, "hoverinfo": "skip"})
     figure = layout(340, hovermode="x")
-    figure["title"] = {"text": text(title), "font": {"size": 14}, "x": 0.02, "xanchor": "left"}
+    figure["title"] = titled(title)
     figure["margin"]["t"] += 26
     ends = np.concatenate([np.concatenate([c.lower, c.upper]) for c in curves.values()])
     low, high = np.log10(ends[ends > 0].min()), np.log10(ends.max())

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from testbench.reporting.page.figure_parts import Figure, layout, rounded, text
+from testbench.reporting.page.figure_parts import Figure, layout, rounded, text, titled
 from testbench.reporting.page.figures import Axis
 from testbench.reporting.page.palette import REFERENCE, rgb
 
@@ -53,7 +53,7 @@ def surfaces(
         for name, values in z.items()
     ]
     figure = layout(520, margin={"l": 0, "r": 0, "t": 34, "b": 0})
-    figure["title"] = {"text": text(title), "font": {"size": 14}, "x": 0.02, "xanchor": "left"}
+    figure["title"] = titled(title)
     figure["legend"] = {"x": 0, "y": 0.92, "yanchor": "top"}
     figure["scene"] = {
         "aspectmode": "manual",
@@ -113,7 +113,7 @@ def sphere(
         "showlegend": False,
     }
     figure = layout(430, margin={"l": 0, "r": 0, "t": 34, "b": 0})
-    figure["title"] = {"text": text(title), "font": {"size": 14}, "x": 0.02, "xanchor": "left"}
+    figure["title"] = titled(title)
     ticks = {"tickvals": [-1, 0, 1], "range": [-1.2, 1.2]}
     figure["scene"] = {
         "aspectmode": "cube",

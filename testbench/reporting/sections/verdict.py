@@ -76,7 +76,9 @@ def _unlimited(metrics: list[Metric]) -> list[Table]:
     for metric in metrics:
         place = (metric.name, metric.sequence, metric.section)
         places.setdefault(place, {})[metric.filter] = metric
-    by_filter, alone, told = [], [], set()
+    by_filter: list[Row] = []
+    alone: list[Row] = []
+    told: set[str] = set()
     for (name, sequence, section), own in places.items():
         first = next(iter(own.values()))
         keys = filters if first.filter is not None else [None]
