@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from testbench.cli.calibrating import calibrate, calibrations
+from testbench.cli.comparing import compare
 from testbench.cli.describing import say_description
 from testbench.cli.designing import design
 from testbench.cli.emulating import emulate
@@ -22,6 +23,8 @@ from testbench.cli.options import (
     CompareOption,
     FiltersOption,
     JsonOption,
+    JunitOption,
+    MarkdownOption,
     NoVerifyOption,
     ProtocolArgument,
     RepeatsOption,
@@ -37,6 +40,7 @@ from testbench.cli.options import (
     exit_code,
     optional,
     session_of,
+    summed_up,
 )
 from testbench.cli.output import (
     in_ranges,
@@ -225,6 +229,8 @@ def evaluate(
     sequence: SequenceOption = None,
     returned: ReturnedOption = False,
     repeats: RepeatsOption = None,
+    markdown: MarkdownOption = None,
+    junit: JunitOption = None,
     no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -234,13 +240,16 @@ def evaluate(
     opened = session_of(session, no_verify)
     asked = analysis_request(filters, parameters, calibration, tuned)
     wanted = beside(described_by(asked, compare, sequence, returned), repeats, no_verify)
-    result = judge_again(opened, wanted)
+    result = judge_again(opened, summed_up(wanted, markdown, junit))
     if json:
         say_json(result.to_dict())
     else:
         say_description(result)
         say_evaluation(result, str(opened.path), None, opened.simulated)
     raise typer.Exit(exit_code(result))
+
+
+app.command()(compare)
 
 
 @app.command()

@@ -13,6 +13,7 @@ from testbench.pipeline.kept_estimate import load_or_estimate
 from testbench.pipeline.loaded_analysis import LoadedAnalysis, load_analysis
 from testbench.pipeline.repeats import judged_with_repeats
 from testbench.pipeline.request import AnalysisRequest
+from testbench.pipeline.summaries import write_summaries
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.session.layout import REPORT
@@ -78,6 +79,7 @@ def analyse(
     evaluated.save(session.path)
     page = _report(session, estimated, evaluated) if loaded.asked.report else None
     exports = [export_estimate(session, wanted, estimated) for wanted in loaded.asked.exports]
+    write_summaries((session, evaluated), loaded.asked.markdown, loaded.asked.junit)
     return Result(plan, session, estimated, evaluated, page, exports)
 
 
@@ -99,6 +101,7 @@ def judge_again(session: Session, asked: AnalysisRequest | None = None) -> Evalu
     evaluated.save(session.path)
     if reported:
         _report(session, estimated, evaluated)
+    write_summaries((session, evaluated), loaded.asked.markdown, loaded.asked.junit)
     return evaluated
 
 

@@ -38,6 +38,8 @@ def kept_analysis(asked: AnalysisRequest) -> dict[str, Any]:
             "tunings": tuple(map(_whole, asked.tunings)),
             "exports": tuple(map(_whole_export, asked.exports)),
             "repeats": None if asked.repeats is None else _whole(asked.repeats),
+            "markdown": None,  # they are of the command that asks for them
+            "junit": None,
         }
     )
     return whole.model_dump(mode="json", exclude_defaults=True)
@@ -76,6 +78,8 @@ def analysis_to_go_on(session: Session, asked: AnalysisRequest) -> AnalysisReque
         **choice,
         repeats=asked.repeats or kept.repeats,
         report=asked.report and kept.report,
+        markdown=asked.markdown,
+        junit=asked.junit,
         exports=asked.exports or kept.exports,
     )
 
