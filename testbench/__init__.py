@@ -2,8 +2,9 @@
 
     from testbench import plan, execute, estimate, evaluate
 
-The four stages, `gait` of a walk beside them with its `GaitSettings`, `RunOptions` of a run, and
-`Session` to open a recording, and `plot`, its figures; each is loaded when it is first used.
+The four stages, `gait` of a walk beside them with its `GaitSettings`, `RunOptions` of a run,
+`Session` to open a recording, `compare` for several, and `plot`, the figures; each is loaded when
+it is first used.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from testbench.estimation.gait import GaitSettings, gait
     from testbench.evaluation import evaluate
     from testbench.execution import RunOptions, execute
+    from testbench.pipeline.compare import compare
     from testbench.planning import plan
     from testbench.records.session.session import Session
     from testbench.reporting import plot
@@ -27,6 +29,7 @@ __all__ = [
     "GaitSettings",
     "RunOptions",
     "Session",
+    "compare",
     "estimate",
     "evaluate",
     "execute",
@@ -45,6 +48,7 @@ _HOMES = {
     "gait": "testbench.estimation.gait",
     "GaitSettings": "testbench.estimation.gait",
     "report": "testbench.reporting.report",
+    "compare": "testbench.pipeline.compare",
     "Session": "testbench.records.session.session",
 }
 

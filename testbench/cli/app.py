@@ -9,6 +9,7 @@ import typer
 
 from testbench.cli.auditing import audit
 from testbench.cli.calibrating import calibrate, calibrations
+from testbench.cli.comparing import compare
 from testbench.cli.describing import say_description, say_plateaus
 from testbench.cli.designing import design
 from testbench.cli.emulating import emulate
@@ -24,6 +25,8 @@ from testbench.cli.options import (
     FiltersOption,
     InjectOption,
     JsonOption,
+    JunitOption,
+    MarkdownOption,
     NoVerifyOption,
     PlateausOption,
     ProtocolArgument,
@@ -41,6 +44,7 @@ from testbench.cli.options import (
     injected_errors,
     optional,
     session_of,
+    summed_up,
     typed_plateaus,
 )
 from testbench.cli.output import (
@@ -235,6 +239,8 @@ def evaluate(
     repeats: RepeatsOption = None,
     inject: InjectOption = None,
     plateaus: PlateausOption = None,
+    markdown: MarkdownOption = None,
+    junit: JunitOption = None,
     no_verify: NoVerifyOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -246,6 +252,7 @@ def evaluate(
     wanted = beside(described_by(asked, compare, sequence, returned), repeats, no_verify)
     errors = injected_errors(inject or [])
     typed = typed_plateaus(plateaus or [])
+    wanted = summed_up(wanted, markdown, junit)
     rows = judge_plateaus(opened, wanted, errors, typed)
     result = examine(opened, wanted, errors).evaluation if errors else judge_again(opened, wanted)
     if json:
@@ -258,6 +265,9 @@ def evaluate(
             off = ", ".join(f"{value:g}" for value in error.yaw_pitch_roll_deg)
             say(f"put in, and kept nowhere: {error.of} of {error.sensor} off by {off} deg")
     raise typer.Exit(exit_code(result))
+
+
+app.command()(compare)
 
 
 @app.command()

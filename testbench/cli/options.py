@@ -175,6 +175,18 @@ RepeatsOption = Annotated[
         "part, mounting or power-up changes.",
     ),
 ]
+MarkdownOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--markdown", metavar="FILE", help="Write a summary in Markdown, as for a job on GitHub."
+    ),
+]
+JunitOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--junit", metavar="FILE", help="Write JUnit XML for build servers, a case each limit."
+    ),
+]
 ReturnedOption = Annotated[
     bool,
     typer.Option(
@@ -263,6 +275,11 @@ def beside(
     """A request with a folder of further sessions of the same protocol."""
     update = {"repeats": None if repeats is None else str(repeats), "verify": not no_verify}
     return asked.model_copy(update=update)
+
+
+def summed_up(asked: AnalysisRequest, markdown: Path | None, junit: Path | None) -> AnalysisRequest:
+    """A request with the summaries that are to be written."""
+    return asked.model_copy(update={"markdown": optional(markdown), "junit": optional(junit)})
 
 
 def described_by(

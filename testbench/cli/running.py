@@ -19,7 +19,9 @@ from testbench.cli.options import (
     CalibrationOption,
     FiltersOption,
     JsonOption,
+    JunitOption,
     LogsOption,
+    MarkdownOption,
     RobotOption,
     SetOption,
     TunedOption,
@@ -27,6 +29,7 @@ from testbench.cli.options import (
     analysis_words,
     exit_code,
     optional,
+    summed_up,
 )
 from testbench.cli.output import (
     progress_bar,
@@ -120,6 +123,8 @@ def run(
     table: Annotated[
         bool, typer.Option("--table", help="Show the tables of all numbers, too.")
     ] = False,
+    markdown: MarkdownOption = None,
+    junit: JunitOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run a protocol: plan, check, move, record, estimate, evaluate, report. Keys: p pauses, r
@@ -147,7 +152,11 @@ def run(
             logs=str(logs),
             resume=optional(resume),
         ),
-        analysis=analysis_request(filters, parameters, calibration, tuned, not no_report),
+        analysis=summed_up(
+            analysis_request(filters, parameters, calibration, tuned, not no_report),
+            markdown,
+            junit,
+        ),
     )
     with _resumable(asked), progress_bar(not json) as display:
         consent = consent_of(confirm_motion, hazards_checked)

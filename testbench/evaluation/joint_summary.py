@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -97,7 +98,7 @@ def _section_ranking(
 ) -> tuple[list[RankRow], list[Comparison]]:
     """Of the filters in a section, by the flexion and by the total error."""
     when = _layout(errors, steps)
-    if when is None or _one_short_sweep(steps):
+    if when is None or one_short_sweep([step for step, _ in steps]):
         return [], []
     flexion = {
         name: np.degrees(error)
@@ -122,11 +123,11 @@ def _section_ranking(
     return ranks, comparisons
 
 
-def _one_short_sweep(steps: Judged) -> bool:
-    """Whether a section is one sweep, too short to tell an offset from what filters differ by."""
-    if len(steps) != 1 or steps[0][0].kind != "sweep":
+def one_short_sweep(steps: Sequence[PlannedStep]) -> bool:
+    """Whether a section is one sweep, too short to tell an offset from how errors scatter."""
+    if len(steps) != 1 or steps[0].kind != "sweep":
         return False
-    only = steps[0][0]
+    only = steps[0]
     return only.settled_ns - only.start_ns < SHORT_SWEEP_S * NANOSECONDS
 
 

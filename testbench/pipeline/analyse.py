@@ -16,6 +16,7 @@ from testbench.pipeline.kept_estimate import load_or_estimate
 from testbench.pipeline.loaded_analysis import LoadedAnalysis, load_analysis
 from testbench.pipeline.repeats import judged_with_repeats
 from testbench.pipeline.request import AnalysisRequest
+from testbench.pipeline.summaries import write_summaries
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.evaluation_rows import PlateauRow
@@ -87,6 +88,7 @@ def analyse(
     evaluated.save(session.path)
     page = _report(session, estimated, evaluated, loaded.asked) if loaded.asked.report else None
     exports = [export_estimate(session, wanted, estimated) for wanted in loaded.asked.exports]
+    write_summaries((session, evaluated), loaded.asked.markdown, loaded.asked.junit)
     printed = _printed(page) if page is not None and loaded.asked.printed else None
     return Result(plan, session, estimated, evaluated, page, exports, printed)
 
@@ -96,7 +98,7 @@ def examine(
     asked: AnalysisRequest | None = None,
     injected: Sequence[InjectedError] = (),
 ) -> Result:
-    """Estimate and evaluate, and write nothing: what is kept in the session stays as it is.
+    """Estimate and evaluate, and leave the session as it is.
 
     Args:
         session: The recording.
@@ -112,6 +114,7 @@ def examine(
         filters = loaded.choose(loaded.settings(session))
         estimated = with_injected(session, estimated, injected, filters)
     evaluated = evaluate(session, estimated, loaded.settings(session))
+    write_summaries((session, evaluated), loaded.asked.markdown, loaded.asked.junit)
     return Result(None, session, estimated, evaluated, None)
 
 
@@ -156,6 +159,7 @@ def judge_again(session: Session, asked: AnalysisRequest | None = None) -> Evalu
     evaluated.save(session.path)
     if reported:
         _report(session, estimated, evaluated, loaded.asked)
+    write_summaries((session, evaluated), loaded.asked.markdown, loaded.asked.junit)
     return evaluated
 
 

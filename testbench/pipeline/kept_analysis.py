@@ -39,6 +39,8 @@ def kept_analysis(asked: AnalysisRequest) -> dict[str, Any]:
             "exports": tuple(map(_whole_export, asked.exports)),
             "repeats": None if asked.repeats is None else _whole(asked.repeats),
             "band": None if asked.band is None else _whole_file(asked.band),
+            "markdown": None,  # they are of the command that asks for them
+            "junit": None,
         }
     )
     return whole.model_dump(mode="json", exclude_defaults=True)
@@ -79,6 +81,8 @@ def analysis_to_go_on(session: Session, asked: AnalysisRequest) -> AnalysisReque
         report=asked.report and kept.report,
         printed=asked.printed or kept.printed,
         band=asked.band or kept.band,
+        markdown=asked.markdown,
+        junit=asked.junit,
         exports=asked.exports or kept.exports,
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from testbench.estimation.filters import FILTERS
-from testbench.exceptions import SessionError
+from testbench.exceptions import InputError, SessionError
 from testbench.pipeline.loaded_analysis import LoadedAnalysis, load_analysis
 from testbench.pipeline.request import AnalysisRequest
 from testbench.records.results.estimate import Estimate
@@ -44,6 +44,25 @@ def load_or_estimate(
     estimated = loaded.estimate(session)
     estimated.save(session.path)
     return estimated
+
+
+def estimate_of(session: Session, loaded: LoadedAnalysis) -> Estimate | None:
+    """The estimate that a session keeps if it is as asked for, else a new one; nothing is written.
+
+    Args:
+        session: The recording.
+        loaded: How.
+
+    Returns:
+        None where nothing can be estimated of it.
+    """
+    stored = stored_estimate(session)
+    if stored is not None and is_as_asked(stored, session, loaded):
+        return stored
+    try:
+        return loaded.estimate(session)
+    except InputError:
+        return None
 
 
 def stored_estimate(session: Session) -> Estimate | None:

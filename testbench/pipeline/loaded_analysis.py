@@ -12,6 +12,7 @@ from testbench.estimation.filters.plugins import find_filter
 from testbench.estimation.filters.tuned import choose_tuned
 from testbench.exceptions import InputError
 from testbench.pipeline.request import AnalysisRequest
+from testbench.pipeline.summaries import refuse_no_folder
 from testbench.records.results.calibration_file import SensorCalibration, load_calibrations
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.tuning import Tuning, load_tunings
@@ -146,6 +147,7 @@ def load_analysis(asked: AnalysisRequest) -> LoadedAnalysis:
         InputError: A filter of the user's own fails the self-test, a calibration or a tuning is
             missing or malformed.
     """
+    refuse_no_folder(asked.markdown, asked.junit)
     filters = None if asked.filters is None else sound_filters(asked.filters)
     calibrations = (
         None if asked.calibrations is None else load_calibrations(Path(asked.calibrations))

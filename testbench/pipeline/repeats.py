@@ -8,12 +8,13 @@ from testbench.evaluation import evaluate
 from testbench.evaluation.repeatability import content_of, why_unequal
 from testbench.evaluation.repeats import with_repeats
 from testbench.exceptions import InputError, SessionError
-from testbench.pipeline.kept_estimate import is_as_asked, stored_estimate
+from testbench.pipeline.kept_estimate import estimate_of
 from testbench.pipeline.loaded_analysis import LoadedAnalysis
 from testbench.records.findings.catalogue import finding
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.evaluation_rows import RepeatedSession
+from testbench.records.session.parts import part_of
 from testbench.records.session.raw_files import open_for_analysis
 from testbench.records.session.session import Session, damaged_sessions, list_sessions
 
@@ -49,7 +50,7 @@ def judged_with_repeats(
             continue
         why = _why_changed(other) if loaded.asked.verify else ""
         why = why or why_unequal(session, other, known)
-        own = None if why else _estimate(other, loaded)
+        own = None if why else estimate_of(other, loaded)
         if own is not None and own.filter_parameters != estimated.filter_parameters:
             why = "its filters, or their parameters, are others; run `testbench estimate` on both"
         if why or own is None:
@@ -84,20 +85,5 @@ def _why_changed(other: Session) -> str:
 
 
 def _record(session: Session) -> RepeatedSession:
-    manifest = session.manifest
-    tags = [own.device_tag for own in manifest.sensors.values()]
-    part = None if None in tags or not tags else ", ".join(map(str, tags))
-    if manifest.seed is not None and session.simulated:
-        part = f"simulated, seed {manifest.seed}"
-    return RepeatedSession(session.name, part, manifest.recorded_utc or manifest.started_utc)
-
-
-def _estimate(other: Session, loaded: LoadedAnalysis) -> Estimate | None:
-    """Of a further session: the one it keeps if it is as asked for, else a new one."""
-    stored = stored_estimate(other)
-    if stored is not None and is_as_asked(stored, other, loaded):
-        return stored
-    try:
-        return loaded.estimate(other)
-    except InputError:
-        return None
+    recorded = session.manifest.recorded_utc or session.manifest.started_utc
+    return RepeatedSession(session.name, part_of(session), recorded)

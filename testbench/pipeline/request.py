@@ -141,6 +141,10 @@ class AnalysisRequest(Asked):
         description="Normal band to draw behind average cycles: file, or the name of one that "
         "ships.",
     )
+    markdown: Place | None = Field(
+        default=None, description="File for a summary in Markdown; none if null."
+    )
+    junit: Place | None = Field(default=None, description="File for JUnit XML; none if null.")
     exports: tuple[ExportRequest, ...] = Field(
         default=(),
         description="Formats to write the session in; a filter of theirs is one that was run.",
@@ -396,6 +400,45 @@ class DesignRequest(Asked):
     dwell_s: float = Field(default=5.0, description="Rest at each pose [s].")
     turn_deg: float = Field(default=90.0, description="Amplitude of a turn [deg].")
     seed: int = Field(default=0, ge=0, description="Of the candidate poses.")
+
+
+class CompareRequest(Asked):
+    """Sessions to compare: whether errors became larger from one side to the other."""
+
+    base: Place = Field(description="A session, or a folder of sessions, that is compared with.")
+    new: tuple[Place, ...] = Field(
+        description="Sessions or folders of sessions, which are the other side together."
+    )
+    metrics: tuple[str, ...] = Field(
+        default=(),
+        description="As `evaluate` spells them, or without the joint or sensor, such as "
+        "`flexion_rmse_deg`; those that a report begins with if none.",
+    )
+    filters: tuple[str, ...] = Field(
+        default=(), description="Whose errors are compared; those of all if none."
+    )
+    margin: float = Field(
+        default=0.0, description="A larger difference counts, in the unit of each metric."
+    )
+    same_part: bool = Field(
+        default=False,
+        description="Whether all sessions have the same sensors, though no manifest tells it.",
+    )
+    calibrations: Place | None = Field(default=None, description="As for an analysis.")
+    verify: bool = Field(
+        default=True,
+        description="Whether raw files of the sessions are compared with the hashes of their "
+        "manifests first.",
+    )
+    report: Place | None = Field(
+        default=None,
+        description="HTML file to write; one beside the first new session if null.",
+    )
+    write_report: bool = Field(default=True, description="Whether to write it.")
+    markdown: Place | None = Field(
+        default=None, description="File for a summary in Markdown; none if null."
+    )
+    junit: Place | None = Field(default=None, description="File for JUnit XML; none if null.")
 
 
 class RecordRequest(Asked):

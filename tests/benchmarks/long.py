@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 
 from tests.benchmarks.arm_times import bench_arm_times
+from tests.benchmarks.comparisons import bench_comparisons
 from tests.benchmarks.coverage import bench_coverage
 from tests.benchmarks.crash_points import bench_crash_points
 from tests.benchmarks.crashes import bench_crashes
@@ -28,6 +29,7 @@ from tests.benchmarks.same_part import bench_same_part
 CAMPAIGNS: list[Callable[[], bool]] = [
     bench_arm_times,
     bench_intervals,
+    bench_comparisons,
     bench_coverage,
     bench_crashes,
     bench_crash_points,

@@ -14,6 +14,7 @@ from statistics import fmean
 from testbench.records.results.evaluation import Evaluation, Metric, Outcome
 from testbench.records.results.evaluation_rows import MEAN_SQUARE, RankRow
 from testbench.records.results.numbers import decimals_by
+from testbench.records.results.session_comparison import ComparedMetric
 
 HEADLINE = "flexion_mean_abs_error_deg"
 """The metric of a joint's section that is told where no limit is stated."""
@@ -99,18 +100,32 @@ def _sure(expanded: float | None, unit: str) -> str:
 
 def _limit(metric: Metric) -> str:
     """A metric that has a limit, and whether it keeps it."""
+    found = metric.outcome.words if metric.outcome else ""
+    value = known_to(metric.value, metric.expanded_uncertainty, metric.unit)
+    return f"{subject(metric, metric.filter)} {value}; limit {limits_of(metric)}: {found}."
+
+
+def limits_of(metric: Metric) -> str:
+    """What a metric is held against, in words.
+
+    Args:
+        metric: That has a limit.
+    """
     bounds = [
         f"{words} {limit:g} {metric.unit}"
         for words, limit in (("at least", metric.lower), ("at most", metric.upper))
         if limit is not None
     ]
-    found = metric.outcome.words if metric.outcome else ""
-    value = known_to(metric.value, metric.expanded_uncertainty, metric.unit)
-    return f"{_subject(metric, metric.filter)} {value}; limit {' and '.join(bounds)}: {found}."
+    return " and ".join(bounds)
 
 
-def _subject(metric: Metric, by: str | None) -> str:
-    """Which angle of what, by which filter and where, and what is told of it."""
+def subject(metric: Metric | ComparedMetric, by: str | None) -> str:
+    """Which angle of what, by which filter and where, and what is told of it.
+
+    Args:
+        metric: That is told.
+        by: The filter; None where none is named.
+    """
     owner, _, name = metric.name.rpartition(".")
     quantity, _, measure = name.partition("_")
     what = QUANTITIES.get(quantity, quantity)
@@ -145,19 +160,31 @@ def _scope(evaluation: Evaluation, limited: Sequence[Metric]) -> str:
     )
 
 
+def headline_metrics(evaluation: Evaluation) -> list[Metric]:
+    """What is told first of a session: the error of each joint's section by each filter, of each
+    sensor where there is no joint.
+
+    Args:
+        evaluation: Of the session.
+    """
+    own_sequence = {row.joint: row.sequence for row in reversed(evaluation.joint_angle)}
+    return [
+        metric
+        for metric in evaluation.metrics
+        if metric.value is not None and _is_headline(metric, own_sequence)
+    ]
+
+
 def _unlimited(evaluation: Evaluation, limited: Sequence[Metric]) -> list[str]:
     """The errors of each joint's section, and of each sensor where there is no joint."""
-    own_sequence = {row.joint: row.sequence for row in reversed(evaluation.joint_angle)}
     done = {(metric.name, metric.section) for metric in limited}
     metrics = [
         metric
-        for metric in evaluation.metrics
-        if metric.value is not None
-        and (metric.name, metric.section) not in done
-        and _is_headline(metric, own_sequence)
+        for metric in headline_metrics(evaluation)
+        if (metric.name, metric.section) not in done
     ]
     owners = list(dict.fromkeys(metric.name.rpartition(".")[0] for metric in metrics))
-    if not own_sequence and len(owners) > MOST_SENSORS:
+    if not evaluation.joint_angle and len(owners) > MOST_SENSORS:
         return [_of_sensors(metrics, len(owners))]
     groups: dict[tuple[str, str | None], list[Metric]] = {}
     for metric in metrics:
@@ -193,11 +220,11 @@ def _range(evaluation: Evaluation, owner: str, section: str | None, own: list[Me
     best, worst = by_error[0], by_error[-1]
     known = max((m.expanded_uncertainty or 0.0 for m in own), default=0.0) or None
     if len(own) == 1:
-        return f"{_subject(best, best.filter)} {known_to(best.value, known, best.unit)}."
+        return f"{subject(best, best.filter)} {known_to(best.value, known, best.unit)}."
     low, high = (_rounded(metric.value or 0.0, known) for metric in (best, worst))
     difference = _difference(evaluation, owner, section, [m.filter or "" for m in by_error])
     return (
-        f"{_subject(best, None)} {low} {best.unit} ({best.filter}) to {high} {best.unit} "
+        f"{subject(best, None)} {low} {best.unit} ({best.filter}) to {high} {best.unit} "
         f"({worst.filter}), {_sure(known, best.unit)}; {difference}."
     )
 
