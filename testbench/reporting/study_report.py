@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from urllib.parse import quote
@@ -40,6 +41,8 @@ from testbench.reporting.page.tables import (
 )
 
 FILE = "report.html"
+LONG_WORDS, LONG_LABEL = 40, 70
+"""Characters from which on the words of a cell, or of a label, are broken into lines."""
 MOST_ANSWERING = 4
 """More figures stand behind the tables."""
 MOST_OPEN = 12
@@ -236,9 +239,9 @@ def _table(table: StudyTable) -> Table:
             )
         ]
         if row.published_alone:
-            rows.append(Row([label(row.title, row.note), *printed, *ours], kind="published"))
+            rows.append(Row([_label(row), *printed, *ours], kind="published"))
             continue
-        rows.append(Row([label(row.title, row.note), *_cells(table, row, words), *ours]))
+        rows.append(Row([_label(row), *_cells(table, row, words), *ours]))
         if row.published:
             beneath = [label(row.published_title), *printed, *(Cell("") for _ in ours)]
             rows.append(Row(beneath, kind="published"))
@@ -297,11 +300,15 @@ def _as_printed(value: Value, among_words: bool) -> Cell:
 
 def _word(value: str | None, among_words: bool) -> Cell:
     """A word, or that there is none, on the side where the others of its column stand."""
-    return (
-        number(None)
-        if value is None and not among_words
-        else text(None if value is None else powers_of_ten(value))
-    )
+    if value is None and not among_words:
+        return number(None)
+    kind = "wide" if value is not None and len(value) > LONG_WORDS else ""
+    return text(None if value is None else powers_of_ten(value), kind=kind)
+
+
+def _label(row: StudyRow) -> Cell:
+    """The name that a row begins with; a sentence is broken into lines."""
+    return replace(label(row.title, row.note), kind="wide" if len(row.title) > LONG_LABEL else "")
 
 
 def _cells(table: StudyTable, row: StudyRow, words: list[bool]) -> list[Cell]:

@@ -119,7 +119,7 @@ FOUND_ANGLE = (
     "{tustin} deg (Tustin), the median of {turns}{parts}."
 )
 
-PUBLISHED_ANGLE = "Published are 23.72, 22.67 and 55.77 deg, of turns that were fitted."
+PUBLISHED_ANGLE = "The published angles are 23.72, 22.67 and 55.77 deg, of turns that were fitted."
 
 FOUND_G = (
     "With the gyroscope's response to gravity fitted as well, the median is {with_g} deg (RK4); "
@@ -141,14 +141,16 @@ FOUND_TIME = (
     "machine."
 )
 
-PUBLISHED_TIME = "Published are 106, 2116 and 7106 s, in MATLAB on a machine of 1.70 GHz."
+PUBLISHED_TIME = "The published times are 106, 2116 and 7106 s, in MATLAB on a machine of 1.70 GHz."
 
 FOUND_MAGNITUDE = (
     "The mean squared error of the accelerometer's magnitude is {raw:.2g} (m/s²)² before "
     "calibration and {calibrated:.1g} after, means of held-out rests."
 )
 
-PUBLISHED_MAGNITUDE = "Published are 0.0667 and 8.9e-7, on data that were fitted."
+PUBLISHED_MAGNITUDE = (
+    "The published mean squared errors are 0.0667 and 8.9e-7, on data that were fitted."
+)
 
 FOUND_PARAMETERS = (
     "Of {count} parameters of {parts} parts {inside} lie within 1.96 standard uncertainties of the "
