@@ -21,6 +21,8 @@ from testbench.records.specs.joint_definition import FlexionAngle, JointRotation
 from testbench.records.specs.protocol import Sensor
 
 INDEX = {"first": 0, "second": 1, "third": 2}
+PIECE = 100_000
+"""Rotations that are taken apart at once: what is in between takes three times their memory."""
 """Place of each angle."""
 
 # Signs of the ISB's angles of a right limb, with its segment axes x forward, y up (proximal), z to
@@ -96,9 +98,14 @@ def joint_angles(
     Returns:
         Each sample by itself, in the principal ranges, shape (n, 3) [rad].
     """
-    return decomposition_of(definition).angles(
-        joint_rotation(q_world_from_proximal, q_world_from_distal)
-    )
+    kind = decomposition_of(definition)
+    found = np.empty((len(q_world_from_proximal), 3))
+    for begin in range(0, len(found), PIECE):
+        rows = slice(begin, begin + PIECE)
+        found[rows] = kind.angles(
+            joint_rotation(q_world_from_proximal[rows], q_world_from_distal[rows])
+        )
+    return found
 
 
 def joint_angle_series(

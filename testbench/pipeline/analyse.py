@@ -13,6 +13,7 @@ from testbench.pipeline.kept_estimate import load_or_estimate
 from testbench.pipeline.loaded_analysis import LoadedAnalysis, load_analysis
 from testbench.pipeline.repeats import judged_with_repeats
 from testbench.pipeline.request import AnalysisRequest
+from testbench.records.disk.free_memory import give_back
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.session.layout import REPORT
@@ -71,11 +72,14 @@ def analyse(
     loaded = (
         asked if isinstance(asked, LoadedAnalysis) else load_analysis(asked or AnalysisRequest())
     )
+    give_back()
     estimated = loaded.estimate(session, whatever=plan is not None)
     estimated.save(session.path)
+    give_back()
     evaluated = evaluate(session, estimated, loaded.settings(session))
     evaluated = judged_with_repeats(session, estimated, evaluated, loaded)
     evaluated.save(session.path)
+    give_back()
     page = _report(session, estimated, evaluated) if loaded.asked.report else None
     exports = [export_estimate(session, wanted, estimated) for wanted in loaded.asked.exports]
     return Result(plan, session, estimated, evaluated, page, exports)
