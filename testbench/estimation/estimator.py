@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from testbench.estimation.calibration.stored_calibration import StoredCalibrations
 from testbench.estimation.chain.recording import ChainRecording
 from testbench.estimation.chain.session import estimate_chain
 from testbench.estimation.filters import OrientationFilter
 from testbench.estimation.filters.tuned import Parameters, choose_tuned
+from testbench.estimation.joints.body_recording import Read, ends
 from testbench.estimation.joints.joints import estimate_joints
 from testbench.estimation.prepared_sensor import PreparedSensor, prepare_sensor, told_apart
 from testbench.estimation.signals.recording import RunFacts, SensorRecording
 from testbench.exceptions import BenchError, SessionError
+from testbench.records.disk.free_memory import give_back
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration_file import SensorCalibration
@@ -20,6 +22,7 @@ from testbench.records.results.chain import ChainEstimate
 from testbench.records.results.estimate import Estimate, SensorEstimate
 from testbench.records.results.tuning import Tuning
 from testbench.records.session.session import Session
+from testbench.records.specs.protocol import BodyJoint
 
 LEAST_SAMPLES = 10
 """Of a sensor, for anything to be estimated."""
@@ -56,9 +59,7 @@ def estimate(
     stored = StoredCalibrations.among(calibrations or [], session)
     stored.check()
     run = RunFacts.of(session)
-    prepared = _prepared(session, stored, session.sensor_names, run)
-    sensors = {name: sensor.run(chosen) for name, sensor in prepared.items()}
-    read = {name: sensor.read for name, sensor in prepared.items()}
+    sensors, read = _one_by_one(session, stored, run, chosen)
     joints = estimate_joints(session.analysis.joints, run, sensors, read, chosen)
     chain, chain_findings = _chain(session, run, sensors)
     used = {kind.name: kind.parameters for kind in chosen}
@@ -104,7 +105,8 @@ class PreparedSession:
             wanted = {sensor for joint in defined for sensor in (joint.proximal, joint.distal)}
         names = [name for name in session.sensor_names if name in wanted]
         stored = StoredCalibrations.among(calibrations or [], session)
-        self.sensors = _prepared(session, stored, names, self._facts)
+        prepared = dict(_prepared(session, stored, names, self._facts))
+        self.sensors = told_apart(prepared, self._facts.settings.align_clock)
 
     def run(self, filters: Sequence[OrientationFilter]) -> Estimate:
         """The estimate by some filters, of the sensors and joints that were prepared."""
@@ -113,6 +115,44 @@ class PreparedSession:
         joints = estimate_joints(self._joints, self._facts, sensors, read, filters)
         used = {kind.name: kind.parameters for kind in filters}
         return Estimate(self._session, self._fingerprint, sensors, joints, used)
+
+
+def _one_by_one(
+    session: Session,
+    stored: StoredCalibrations,
+    run: RunFacts,
+    filters: Sequence[OrientationFilter],
+) -> tuple[dict[str, SensorEstimate], dict[str, Read]]:
+    """Estimates of all sensors, and what those of a body's joints read.
+
+    What a sensor is prepared to is let go before the next one is prepared: of hours, two do not
+    fit beside one another. Where one is suspected to have moved as the truth of another says, the
+    others are prepared once more.
+    """
+    names = session.sensor_names
+    joints = [own for own in session.analysis.joints.values() if isinstance(own, BodyJoint)]
+    of_body = {sensor for joint in joints for sensor in ends(joint)}
+    found: dict[str, SensorEstimate] = {}
+    read: dict[str, Read] = {}
+    held: dict[str, PreparedSensor] = {}
+    for name, prepared in _prepared(session, stored, names, run):
+        if len(names) > 1 and prepared.is_suspect:
+            held[name] = prepared
+            continue
+        if name in of_body:
+            read[name] = prepared.read
+        light = prepared.light()
+        del prepared
+        give_back()
+        found[name] = light.run(filters)
+        del light
+        give_back()
+    if held:
+        every = held | dict(_prepared(session, stored, list(found), run))
+        apart = told_apart({name: every[name] for name in names}, run.settings.align_clock)
+        found |= {name: apart[name].run(filters) for name in held}
+        read |= {name: apart[name].read for name in of_body & held.keys()}
+    return {name: found[name] for name in names}, read
 
 
 def _chain(
@@ -130,13 +170,12 @@ def _chain(
 
 def _prepared(
     session: Session, stored: StoredCalibrations, names: Iterable[str], run: RunFacts
-) -> dict[str, PreparedSensor]:
-    """Sensors of a session, opened and prepared.
+) -> Iterator[tuple[str, PreparedSensor]]:
+    """Sensors of a session, opened and prepared, one after the other, with their names.
 
     Raises:
         SessionError: There is none, or one has too few samples.
     """
-    found = {}
     if not session.sensor_names:
         raise SessionError(f"{session.path}: its manifest names no sensors")
     for name in names:
@@ -146,5 +185,4 @@ def _prepared(
                 f"{session.path}: sensor '{name}' has {recording.raw.count} samples; nothing can "
                 "be estimated"
             )
-        found[name] = prepare_sensor(recording, run, stored.of(name), stored.findings(name))
-    return told_apart(found, run.settings.align_clock)
+        yield name, prepare_sensor(recording, run, stored.of(name), stored.findings(name))

@@ -13,7 +13,11 @@ from testbench.estimation.alignment.after_gaps import OtherStretches, restart_fi
 from testbench.estimation.alignment.apart import PieceAlignment, aligned_apart, long_enough
 from testbench.estimation.alignment.axes import findings_on as axes_findings
 from testbench.estimation.alignment.axes import identify_axes
-from testbench.estimation.alignment.confused_sensors import in_place_of_comparison, name_confused
+from testbench.estimation.alignment.confused_sensors import (
+    in_place_of_comparison,
+    is_suspect,
+    name_confused,
+)
 from testbench.estimation.alignment.filter_alignment import FilterAlignment
 from testbench.estimation.alignment.resting_heading import drift_finding
 from testbench.estimation.alignment.true_motion import IMPORTED, TrueMotion, true_motion
@@ -27,6 +31,7 @@ from testbench.estimation.signals.recording import RunFacts, SensorRecording
 from testbench.estimation.signals.segmentation import detect_static, detect_static_by_force
 from testbench.model import rotation
 from testbench.model.frame_fit import apply_frames
+from testbench.records.disk.free_memory import give_back
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.calibration_file import SensorCalibration
@@ -82,6 +87,19 @@ class PreparedSensor:
             self.access.samples.acc,
             self.estimate.calibration.apply(turned.gyr, turned.acc, None)[0],
         )
+
+    @property
+    def is_suspect(self) -> bool:
+        """Whether it may have moved as the truth of another says: see `told_apart`."""
+        return is_suspect(self.motion, self.access, self.described)
+
+    def light(self) -> PreparedSensor:
+        """The same for its filters to be run once: without the samples, of which they get theirs
+        from the file, and without the truth but where they are aligned to it.
+        """
+        self.access.let_go()
+        motion, having = replace(self.motion, truth=None), self.uniform.having()
+        return replace(self, motion=motion, uniform=having)
 
     def unaligned(self, why: Finding) -> PreparedSensor:
         """The same, of a sensor whose truth cannot be compared with it.
@@ -166,6 +184,7 @@ def prepare_sensor(
     # Longer than a screen: one step after another, each with what the ones before it found.
     settings, description = run.settings, recording.described
     access = recording.samples(None if stored is None else corrector(stored))
+    give_back()
     samples = access.samples
     motion = true_motion(access, recording.truth, description, settings.align_clock)
     clock = motion.clock

@@ -7,7 +7,8 @@ import numpy as np
 from testbench.evaluation.time_lines import JudgedMotion
 from testbench.frames import NANOSECONDS
 from testbench.model import rotation
-from testbench.model.joint_angle import flexion_of, joint_angle_series
+from testbench.model.decomposition import follow
+from testbench.model.joint_angle import decomposition_of, flexion_of, joint_angles
 from testbench.model.statistics.intervals import gradient
 from testbench.records.specs.joint_definition import FlexionAngle
 
@@ -28,14 +29,20 @@ def turned_by_sensor(
     Returns:
         By the proximal and by the distal segment, shape (n, 2) [rad].
     """
-    if not len(q_world_from_distal):
+    count = len(q_world_from_distal)
+    if not count:
         return np.zeros((0, 2))
-    proximal = np.repeat(q_world_from_proximal, 2, axis=0)[:-1]  # 0 0 1 1 2
-    distal = np.repeat(q_world_from_distal, 2, axis=0)[1:]  # 0 1 1 2 2
-    angle = flexion_of(definition, joint_angle_series(proximal, distal, definition))
-    change = rotation.wrap(np.diff(angle))
-    parts = np.column_stack([change[1::2], change[0::2]])
-    return np.concatenate([np.zeros((1, 2)), np.cumsum(parts, axis=0)])
+    angles = np.empty((2 * count - 1, 3))
+    # the segments at 0 0, then at 0 1, 1 1, 1 2, 2 2
+    angles[::2] = joint_angles(q_world_from_proximal, q_world_from_distal, definition)
+    angles[1::2] = joint_angles(q_world_from_proximal[:-1], q_world_from_distal[1:], definition)
+    if definition.continuous:
+        angles = follow(decomposition_of(definition), angles)
+    change = rotation.wrap(np.diff(flexion_of(definition, angles)))
+    parts = np.zeros((count, 2))
+    np.cumsum(change[1::2], out=parts[1:, 0])
+    np.cumsum(change[0::2], out=parts[1:, 1])
+    return parts
 
 
 def judged_motion(time_ns: np.ndarray, angle: np.ndarray, judged: list[np.ndarray]) -> JudgedMotion:

@@ -22,7 +22,6 @@ from testbench.evaluation.joint_summary import summarise_joint
 from testbench.evaluation.judged import judgeable, sound_truth
 from testbench.evaluation.left_out import left_out
 from testbench.evaluation.magnetic import (
-    FieldDeviation,
     field_deviation,
     field_error_rows,
     field_rows,
@@ -48,6 +47,7 @@ from testbench.evaluation.unjudged import (
 )
 from testbench.evaluation.verdict import judge, summarise_metrics
 from testbench.model.reference_step import reference_warning
+from testbench.records.disk.free_memory import give_back
 from testbench.records.disk.neighbouring_rows import Instants, united
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
@@ -63,7 +63,8 @@ from testbench.records.session.layout import (
     orientation_table,
 )
 from testbench.records.session.plan import PlannedStep, judged_steps
-from testbench.records.session.samples import ImuSamples, Truth
+from testbench.records.session.samples import Truth
+from testbench.records.session.sensor_file import SensorFile
 from testbench.records.session.session import RunStatus, Session
 from testbench.records.specs.protocol import BodyJoint, Estimation
 
@@ -111,6 +112,7 @@ def evaluate(
         parts.append(ResultTables(noise=noise.rows, series=curves))
         parts.append(_sensor_tables(session, estimate, name, steps, arm))
         parts.append(ResultTables(findings=unaligned.get(name, [])))
+        give_back()
         norms += _norm_metrics(name, rest)
     if steps is not None and not steps:
         parts.append(ResultTables(findings=[finding("judged.no_step")]))
@@ -274,7 +276,7 @@ def _sensor_tables(
         if count and reason.removeprefix("excluded: ") not in told
     ]
     found += [own.at(name) for own in sensor.findings]
-    samples = session.imu(name, every=sensor.every) if sensor.stored_calibration is None else None
+    raw = session.sensor(name) if sensor.stored_calibration is None else None
     truth, jumps = sound_truth(session, name)
     if truth is None:
         found.append(finding("judged.no_truth", name))
@@ -284,12 +286,12 @@ def _sensor_tables(
         found.append(finding("judged.truth_jumps", name, count=jumps))
     own = ResultTables(
         findings=found,
-        gyroscope_bias=[] if samples is None else bias_rows(name, sensor, samples, session.steps),
+        gyroscope_bias=[] if raw is None else bias_rows(name, sensor, raw, session.steps),
     )
     if truth is None:
         return own
     return ResultTables.joined(
-        [own, *_orientation_tables(session, estimate, name, steps, arm, truth, samples)]
+        [own, *_orientation_tables(session, estimate, name, steps, arm, truth, raw)]
     )
 
 
@@ -300,7 +302,7 @@ def _orientation_tables(
     steps: list[PlannedStep] | None,
     arm: TrueArm | None,
     truth: Truth,
-    samples: ImuSamples | None,
+    raw: SensorFile | None,
 ) -> list[ResultTables]:
     """What a sensor's orientations come to against the truth."""
     sensor = estimate.sensors[name]
@@ -341,17 +343,28 @@ def _orientation_tables(
             comparisons=comparisons,
         )
     )
-    deviation = None if samples is None else field_deviation(errors, samples, session.steps)
-    magnetic = [] if deviation is None else [_magnetic_tables(name, errors, deviation)]
-    return parts + magnetic
+    return parts if raw is None else [*parts, _magnetic_tables(errors, raw, session.steps)]
 
 
-def _magnetic_tables(name: str, errors: SensorErrors, deviation: FieldDeviation) -> ResultTables:
+def _magnetic_tables(
+    errors: SensorErrors, raw: SensorFile, steps: list[PlannedStep]
+) -> ResultTables:
+    """How far the field of a sensor was disturbed; nothing without a magnetometer.
+
+    Args:
+        errors: Of the sensor.
+        raw: Its samples.
+        steps: Of the session.
+    """
+    read = raw.quantities("mag", every=errors.estimate.every)
+    deviation = field_deviation(errors, read.get("mag"), steps)
+    if deviation is None:
+        return ResultTables()
     return ResultTables(
         magnetic_field=field_rows(errors, deviation),
         magnetic_errors=field_error_rows(errors, deviation),
         magnetic_following=following_rows(errors, deviation),
-        series={magnetic_table(name): deviation.series(errors)},
+        series={magnetic_table(errors.name): deviation.series(errors)},
     )
 
 

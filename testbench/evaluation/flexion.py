@@ -306,19 +306,32 @@ def _both_sensors(
     )
 
 
+def _true_orientation(session: Session, sensor: str, time: np.ndarray) -> np.ndarray | None:
+    """q_world_from_sensor where errors count, shape (n, 4); the truth itself, which may be long, is
+    let go of.
+    """
+    truth = session.truth(sensor)
+    if truth is None:
+        return None
+    q_true = truth_at(truth, time)
+    q_true[~_counts(truth, time)] = np.nan
+    return q_true
+
+
 def _true_angles(session: Session, joint: JointDefinition, time: np.ndarray) -> _Truth | None:
     """Euler angles of the segments' true orientations."""
     orientations = []
-    for sensor in (joint.proximal, joint.distal):  # one truth at a time: they may be long
-        truth = session.truth(sensor)
-        if truth is None:
+    for sensor in (joint.proximal, joint.distal):
+        q_true = _true_orientation(session, sensor, time)
+        if q_true is None:
             return None
-        q_true = truth_at(truth, time)
-        orientations.append(np.where(_counts(truth, time)[:, None], q_true, np.nan))
-    q_proximal, q_distal = orientations
-    known = np.isfinite(q_proximal[:, 0]) & np.isfinite(q_distal[:, 0])
-    world_from_proximal = true_segment(session.analysis, joint.proximal, q_proximal[known])
-    world_from_distal = true_segment(session.analysis, joint.distal, q_distal[known])
+        orientations.append(q_true)
+        del q_true
+    known = np.isfinite(orientations[0][:, 0]) & np.isfinite(orientations[1][:, 0])
+    world_from_proximal, world_from_distal = (
+        true_segment(session.analysis, sensor, orientations.pop(0)[known])
+        for sensor in (joint.proximal, joint.distal)
+    )
     angles: dict[str, np.ndarray] = {}
     for definition in joint.definitions():
         full = np.full((len(time), 3), np.nan)

@@ -12,13 +12,14 @@ from testbench.model.statistics.memory import FEWEST_MEMORIES, layout, means
 from testbench.records.results.estimate import SensorEstimate
 from testbench.records.results.evaluation_rows import GyroscopeBiasRow
 from testbench.records.session.plan import PlannedStep
-from testbench.records.session.samples import AXES, ImuSamples
+from testbench.records.session.samples import AXES
+from testbench.records.session.sensor_file import SensorFile
 
 FEWEST_SAMPLES = 50
 
 
 def bias_rows(
-    name: str, estimate: SensorEstimate, samples: ImuSamples, steps: list[PlannedStep]
+    name: str, estimate: SensorEstimate, raw: SensorFile, steps: list[PlannedStep]
 ) -> list[GyroscopeBiasRow]:
     """The mean of the calibrated rate over the dwells in which nothing was calibrated, where the
     true rate is zero.
@@ -26,7 +27,7 @@ def bias_rows(
     Args:
         name: Of the sensor.
         estimate: Its calibration.
-        samples: As recorded, on the same rows.
+        raw: Its samples.
         steps: Of the session.
 
     Returns:
@@ -39,7 +40,8 @@ def bias_rows(
         rest[counted] = True
     if fit.method == "none" or rest.sum() < FEWEST_SAMPLES:
         return []
-    rate, _, _ = fit.apply(samples.gyr[rest], samples.acc[rest], None)
+    read = raw.quantities("gyr", "acc", every=estimate.every)
+    rate, _, _ = fit.apply(read["gyr"][rest], read["acc"][rest], None)
     when = layout(time[rest] / NANOSECONDS, [np.arange(len(rate))], equally=False)
     if when is None:
         return []

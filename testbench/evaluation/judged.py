@@ -97,8 +97,8 @@ def sound_truth(session: Session, sensor: str) -> tuple[Truth | None, int]:
     """The truth that a sensor's orientation is judged by, or None, and how many of its orientations
     were left out as jumps.
     """
-    truth = session.truth(sensor)
-    if truth is None or truth.rate is not None:
+    truth, file = session.truth(sensor), session.truth_file(sensor)
+    if truth is None or file is None or file.has_rates:
         return truth, 0
     return without_jumps(truth, lambda: _fastest(session, sensor))
 

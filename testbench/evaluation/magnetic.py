@@ -15,7 +15,6 @@ from testbench.evaluation.orientation import SensorErrors
 from testbench.model import rotation
 from testbench.records.results.evaluation_rows import FieldErrorRow, FieldRow
 from testbench.records.session.plan import PlannedStep
-from testbench.records.session.samples import ImuSamples
 
 EDGES = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, np.inf)
 """Of the classes of disturbance [%] of the norm, [deg] of dip and heading; VQF rejects a norm or
@@ -56,23 +55,22 @@ class FieldDeviation:
 
 
 def field_deviation(
-    sensor: SensorErrors, samples: ImuSamples, steps: list[PlannedStep]
+    sensor: SensorErrors, mag: np.ndarray | None, steps: list[PlannedStep]
 ) -> FieldDeviation | None:
     """The field in the world, by the truth, against its mean over the reference section, or over
     all that is judged.
 
     Args:
         sensor: With the true orientation.
-        samples: As recorded, on the same rows.
+        mag: The field as read, on the same rows, shape (n, 3) [uT]; None without a magnetometer.
         steps: Of the session.
 
     Returns:
         None without a magnetometer, or where too little is known of the reference.
     """
-    if samples.mag is None:
+    if mag is None:
         return None
-    _, _, mag = sensor.estimate.calibration.apply(samples.gyr, samples.acc, samples.mag)
-    assert mag is not None
+    mag = sensor.estimate.calibration.apply_to_field(mag)
     known = (
         np.isfinite(sensor.q_true[:, 0]) & np.isfinite(mag).all(axis=1) & ~sensor.estimate.flagged
     )

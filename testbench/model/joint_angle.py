@@ -21,6 +21,8 @@ from testbench.records.specs.joint_definition import FlexionAngle, JointRotation
 from testbench.records.specs.protocol import Sensor
 
 INDEX = {"first": 0, "second": 1, "third": 2}
+PIECE = 100_000
+"""Rotations that are taken apart at once: what is in between takes three times their memory."""
 """Place of each angle."""
 
 # Signs of the ISB's angles of a right limb, with its segment axes x forward, y up (proximal), z to
@@ -117,9 +119,14 @@ def joint_angles(
     """
     in_world = isinstance(definition, FlexionAngle) and definition.seen_from == "world"
     put_together = joint_rotation_in_world if in_world else joint_rotation
-    return decomposition_of(definition).angles(
-        put_together(q_world_from_proximal, q_world_from_distal)
-    )
+    kind = decomposition_of(definition)
+    found = np.empty((len(q_world_from_proximal), 3))
+    for begin in range(0, len(found), PIECE):
+        rows = slice(begin, begin + PIECE)
+        found[rows] = kind.angles(
+            put_together(q_world_from_proximal[rows], q_world_from_distal[rows])
+        )
+    return found
 
 
 def joint_angle_series(

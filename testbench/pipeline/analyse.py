@@ -17,6 +17,7 @@ from testbench.pipeline.loaded_analysis import LoadedAnalysis, load_analysis
 from testbench.pipeline.repeats import judged_with_repeats
 from testbench.pipeline.request import AnalysisRequest
 from testbench.pipeline.summaries import write_summaries
+from testbench.records.disk.free_memory import give_back
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.evaluation_rows import PlateauRow
@@ -81,11 +82,14 @@ def analyse(
     loaded = (
         asked if isinstance(asked, LoadedAnalysis) else load_analysis(asked or AnalysisRequest())
     )
+    give_back()
     estimated = loaded.estimate(session, whatever=plan is not None)
     estimated.save(session.path)
+    give_back()
     evaluated = evaluate(session, estimated, loaded.settings(session))
     evaluated = judged_with_repeats(session, estimated, evaluated, loaded)
     evaluated.save(session.path)
+    give_back()
     page = _report(session, estimated, evaluated, loaded.asked) if loaded.asked.report else None
     exports = [export_estimate(session, wanted, estimated) for wanted in loaded.asked.exports]
     write_summaries((session, evaluated), loaded.asked.markdown, loaded.asked.junit)

@@ -60,7 +60,7 @@ estimate: {filters: [ecompass, triad, vqf_9d], align: reference_pose, calibrate:
 
 
 def with_field(quick, norm_percent: np.ndarray, dip_deg: np.ndarray, heading_deg: np.ndarray):
-    """The forearm of a run, and samples whose field is that of the earth with known deviations."""
+    """The forearm of a run, and readings of the field of the earth with known deviations."""
     session = quick.session
     steps = judged_steps(session.steps)
     estimated = dataclasses.replace(quick.estimate.sensors["forearm"], calibration=CalibrationFit())
@@ -73,8 +73,7 @@ def with_field(quick, norm_percent: np.ndarray, dip_deg: np.ndarray, heading_deg
     mag[known] = from_sensor.inv().apply(
         45 * (1 + norm_percent[known] / 100)[:, None] * north[known]
     )
-    samples = dataclasses.replace(session.imu("forearm"), mag=mag)
-    return errors, samples
+    return errors, mag
 
 
 def test_deviations_put_into_the_field_are_found_in_norm_dip_and_heading(quick):
@@ -83,8 +82,8 @@ def test_deviations_put_into_the_field_are_found_in_norm_dip_and_heading(quick):
     after = (time > reference_end).astype(float)
     wave = np.sin(time / 1e9)
     put_in = 12 * after * wave, 7 * after * wave**2, -160 * after * np.cos(time / 1e9)
-    errors, samples = with_field(quick, *put_in)
-    found = field_deviation(errors, samples, quick.session.steps)
+    errors, mag = with_field(quick, *put_in)
+    found = field_deviation(errors, mag, quick.session.steps)
     assert found is not None
     assert (found.norm, np.degrees(found.dip)) == pytest.approx((45, 50), abs=1e-6)
     known = np.isfinite(found.norm_percent)
@@ -108,8 +107,8 @@ def test_heading_errors_are_sorted_by_how_far_the_field_was_disturbed(quick):
     rising = np.linspace(0, 30, len(time)) * (
         time > max(s.end_ns for s in quick.session.steps if s.role == "reference")
     )
-    errors, samples = with_field(quick, rising, 0 * rising, 0 * rising)
-    found = field_deviation(errors, samples, quick.session.steps)
+    errors, mag = with_field(quick, rising, 0 * rising, 0 * rising)
+    found = field_deviation(errors, mag, quick.session.steps)
     assert found is not None
     rows = [
         row
@@ -130,12 +129,10 @@ def test_heading_errors_are_sorted_by_how_far_the_field_was_disturbed(quick):
 
 
 def test_without_a_magnetometer_nothing_is_said_of_the_field(quick):
-    errors, samples = with_field(
+    errors, _ = with_field(
         quick, *np.zeros((3, len(quick.estimate.sensors["forearm"].host_time_ns)))
     )
-    assert (
-        field_deviation(errors, dataclasses.replace(samples, mag=None), quick.session.steps) is None
-    )
+    assert field_deviation(errors, None, quick.session.steps) is None
 
 
 @pytest.fixture(scope="module")

@@ -71,7 +71,7 @@ class OtherStretches:
         main = int(np.argmax(counts > 0)) if first else int(np.argmax(counts))
         others = [number for number in range(len(counts)) if number != main]
         rows = [sound & (stretch == number) for number in others]
-        return OtherStretches(stretch != main, rows, time_ns, truth)
+        return OtherStretches(stretch != main, rows, time_ns, truth if others else None)
 
     def aligned(
         self,

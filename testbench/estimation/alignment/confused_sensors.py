@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from testbench.estimation.alignment.true_motion import TrueMotion, sensor_clock, turning_instants
-from testbench.estimation.alignment.truth_reading import confused, fit_rates
+from testbench.estimation.alignment.truth_reading import RateFit, confused, fit_rates
 from testbench.estimation.signals.access import SampleAccess
 from testbench.records.findings.finding import Finding
 from testbench.records.session.manifest import SensorRecord
@@ -40,16 +42,11 @@ def name_confused(
     """
     result = {}
     for name, own in found.items():
-        if own.truth is None or own.unaligned in MISREAD:
-            continue
         read = access[name]
-        instants = turning_instants(read, own.clock, described[name])
-        fit = None
-        if own.unaligned not in ("clock.no_common_motion", "clock.no_overlap"):
-            fit = fit_rates(read.turned, instants, own.truth, ANY_AXES)
-            odd = any(found.code in ODD for found in own.findings)
-            if fit is None or fit.explained > (BEST if odd else WELL):
-                continue
+        compared = _compared(own, read, described[name])
+        if compared is None:
+            continue
+        instants, fit = compared
         others = {}
         for other, motion in found.items():
             if other != name and motion.truth is not None:
@@ -66,6 +63,36 @@ def name_confused(
         if wrong is not None:
             result[name] = wrong
     return result
+
+
+def is_suspect(own: TrueMotion, read: SampleAccess, described: SensorRecord) -> bool:
+    """Whether a sensor may have moved as the truth of another says; what others went through need
+    not be known for it.
+
+    Args:
+        own: The sensor and its truth.
+        read: Its samples.
+        described: What is known of it.
+    """
+    return _compared(own, read, described) is not None
+
+
+def _compared(
+    own: TrueMotion, read: SampleAccess, described: SensorRecord
+) -> tuple[np.ndarray, RateFit | None] | None:
+    """Instants that a sensor's rates are of, shape (n,) [ns], and how well its own truth fits them;
+    None where that says nothing, or is its own.
+    """
+    if own.truth is None or own.unaligned in MISREAD:
+        return None
+    instants = turning_instants(read, own.clock, described)
+    if own.unaligned in ("clock.no_common_motion", "clock.no_overlap"):
+        return instants, None
+    fit = fit_rates(read.turned, instants, own.truth, ANY_AXES)
+    odd = any(found.code in ODD for found in own.findings)
+    if fit is None or fit.explained > (BEST if odd else WELL):
+        return None
+    return instants, fit
 
 
 def in_place_of_comparison(findings: list[Finding], why: Finding) -> list[Finding]:

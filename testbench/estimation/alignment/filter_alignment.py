@@ -29,6 +29,7 @@ from testbench.model.truth import truth_at
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 from testbench.records.results.estimate import FrameFit
+from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import Truth
 
 MOST_COMPARED = 200_000
@@ -74,9 +75,11 @@ class FilterAlignment:
             rows: The row of each of them in it, shape (n,).
             static: Whether each is at rest, shape (n,), bool.
         """
-        method = self.run.settings.align
-        if self.truth is None or method not in {"rates", "motion"}:
+        method, step = self.run.settings.align, reference_step(self.run.steps)
+        if self.truth is None or method == "none":
             return self
+        if method in {"heading", "reference_pose"}:
+            return self if step is None else replace(self, truth=_within(self.truth, step))
         every = max(len(self.time_ns) // MOST_COMPARED, 1) if method == "motion" else 1
         q_true = truth_at(self.truth, self.time_ns[::every])
         mounting = None
@@ -126,14 +129,10 @@ class FilterAlignment:
             return _refused(name, "there is no dwell to align it in")
         begin, end = aligning_part(step)
         mine = self.sound & (self.time_ns >= begin) & (self.time_ns <= end)
-        known = (
-            (truth.host_time_ns >= begin)
-            & (truth.host_time_ns <= end)
-            & np.isfinite(truth.q_world_from_sensor[:, 0])
-        )
-        if not mine.any() or not known.any():
+        q_true = truth.q_world_from_sensor[np.isfinite(truth.q_world_from_sensor[:, 0])]
+        if not mine.any() or not len(q_true):
             return _refused(name, "neither it nor the truth is known in the reference pose")
-        return fit_frames(q[mine], truth.q_world_from_sensor[known], self.run.settings.align), []
+        return fit_frames(q[mine], q_true, self.run.settings.align), []
 
     def _by_mean_heading(self, name: str, q: np.ndarray, truth: Truth) -> Aligned:
         """The heading of a recording without a dwell: the mean over all of it."""
@@ -146,6 +145,13 @@ class FilterAlignment:
         doubt = "there is no dwell to align it in: its heading is the mean of the recording's"
         told = finding("frames.doubt", filter=name, doubt=doubt)
         return FrameFit(heading, method="heading"), [told]
+
+
+def _within(truth: Truth, step: PlannedStep) -> Truth:
+    """The orientations of a truth in the part of a dwell that aligns."""
+    begin, end = aligning_part(step)
+    rows = (truth.host_time_ns >= begin) & (truth.host_time_ns <= end)
+    return Truth(truth.host_time_ns[rows], truth.q_world_from_sensor[rows])
 
 
 def _both_known(q: np.ndarray, q_true: np.ndarray) -> np.ndarray:

@@ -101,6 +101,16 @@ class UniformSamples:
         array = getattr(self, quantity)
         return array is not None and bool(np.isfinite(array).any())
 
+    def having(self) -> UniformSamples:
+        """One row that has what these have; see `has`."""
+
+        def row(key: str, size: int = 3) -> np.ndarray:
+            return np.full((1, size), 0.0 if self.has(key) else np.nan)
+
+        mag = None if self.mag is None else row("mag")
+        device_q = None if self.device_q is None else row("device_q", 4)
+        return UniformSamples(self.interval, row("gyr"), row("acc"), mag, device_q)
+
     def steps(self) -> np.ndarray:
         """Time before each sample, shape (n,) [s]."""
         return (

@@ -41,12 +41,12 @@ from testbench.records.results.estimate import ClockFit, TimingAudit
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.sensor_file import SensorFile
 
-MOST_KEPT = 1_000_000
+MOST_KEPT = 400_000
 """Estimates kept of a sensor; a recording with more samples is estimated in chunks, and one
 in every n is kept.
 """
-MOST_KEPT_IN_ALL = 4_000_000
-"""Likewise of all sensors of a session together: about 0.5 GB with three filters."""
+MOST_KEPT_IN_ALL = 1_600_000
+"""Likewise of all sensors of a session together."""
 MOST_AT_ONCE = 4_000_000
 """A filter that needs the whole recording still gets so many samples of a sensor at once: about 0.5
 GB.
@@ -113,6 +113,10 @@ class SampleAccess(ABC):
     def _holes(self) -> np.ndarray:
         """`lost`, but for a sensor that does not feel where up is, whose filters go on."""
         return self.lost if self._gates.measures("acc") else self.lost[:0]
+
+    def let_go(self) -> None:
+        """Forget the samples; filters can be run all the same."""
+        self.samples = self.turned = self.samples.rows(slice(0))
 
     def contradictions(self, up: Up) -> list[Finding]:
         """What the quantities say of one another, as they were read: no stored calibration is in
@@ -321,7 +325,7 @@ class PiecewiseRecording(SampleAccess):
             stretches = Stretches.cut(samples, self._holes, clock, self._bridges)
             yield name, stretches.corrected(correct).run(kind)[self.every - 1 :: self.every]
         running = {
-            name: _Running(kind, len(self.samples))
+            name: _Running(kind, self._count // self.every)
             for name, kind in filters.items()
             if isinstance(kind, RecursiveFilter)
         }

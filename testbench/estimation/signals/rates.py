@@ -82,11 +82,9 @@ def truth_rate(truth: Truth) -> RateMagnitude:
     """Angular-rate magnitude of the truth, by its rates, else between its orientations."""
     time = truth.host_time_ns / NANOSECONDS
     if truth.rate is not None:
+        rate, interval = rotation.lengths(truth.rate), median_interval(time)
         known = np.isfinite(truth.rate).all(axis=1)
-        interval = median_interval(time)
-        return RateMagnitude(
-            time[known], rotation.lengths(truth.rate[known]), 0.0, WIDEST * interval
-        )
+        return RateMagnitude(time[known], rate[known], 0.0, WIDEST * interval)
     return _from_orientations(time, truth.q_world_from_sensor)
 
 

@@ -14,8 +14,8 @@ MOST_ROWS = 500_000
 """Rows of the arm or of a truth that are read as a whole; of more, those are read that are
 needed.
 """
-MOST_THINNED = 4_000_000
-"""Rows of a truth that is thinned out for what looks at the whole of it: eight hours at 125 Hz stay
+MOST_THINNED = 2_000_000
+"""Rows of a truth that is thinned out for what looks at the whole of it: four hours at 125 Hz stay
 as they are.
 """
 TIME = "host_time_ns"

@@ -188,10 +188,20 @@ class CalibrationFit:
         """
         if self.method == "none":
             return gyr, acc, mag
-        R = self.R_believed_from_sensor
         corrected = (acc - self.acc_bias) @ self.acc_matrix.T
-        rate = (gyr - self.gyr_bias - acc @ self.gyr_g_matrix.T) @ R.T
-        return rate, corrected, None if mag is None else mag @ R.T
+        rate = (gyr - self.gyr_bias - acc @ self.gyr_g_matrix.T) @ self.R_believed_from_sensor.T
+        return rate, corrected, None if mag is None else self.apply_to_field(mag)
+
+    def apply_to_field(self, mag: np.ndarray) -> np.ndarray:
+        """A corrected field.
+
+        Args:
+            mag: As read, shape (n, 3) [uT].
+
+        Returns:
+            Shape (n, 3) [uT].
+        """
+        return mag if self.method == "none" else mag @ self.R_believed_from_sensor.T
 
 
 @dataclass(frozen=True)

@@ -95,6 +95,17 @@ class SensorFile(_StreamFile):
         """Some columns, all if None, in pieces of at most so many samples, shape (n,) each."""
         return read_parquet_batches(self._path, columns, rows)
 
+    def quantities(self, *keys: str, every: int = 1) -> dict[str, np.ndarray]:
+        """Some of what the sensor reports, of those that it does.
+
+        Args:
+            keys: Attributes of `ImuSamples`.
+            every: Only one sample of so many, the last of them.
+        """
+        groups = ImuSamples.groups(self.columns)
+        wanted = {key: groups[key] for key in keys if key in groups}
+        return read_stacked(self._path, wanted, every=every) if wanted else {}
+
     def column(self, name: str, begin: int = 0, end: int | None = None) -> np.ndarray:
         """One column, from sample `begin` to before `end`, shape (n,)."""
         return read_stacked(self._path, {name: name}, begin, end)[name]
@@ -107,6 +118,11 @@ class TruthFile(_StreamFile):
     def is_long(self) -> bool:
         """Whether it is too long to be read as a whole."""
         return is_long(self.count)
+
+    @property
+    def has_rates(self) -> bool:
+        """Whether its rates were measured, as those of an arm are."""
+        return TRUTH_RATE[0] in self.columns
 
     def read(self) -> Truth:
         """All of it."""
@@ -127,15 +143,15 @@ class TruthFile(_StreamFile):
         """
         if not self.is_long:
             return self.read()
-        rates = TRUTH_RATE[0] in self.columns
+        rates = self.has_rates
         groups: dict[str, str | list[str]] = {"host_time_ns": "host_time_ns"}
         groups |= {"rate": TRUTH_RATE} if rates else {"q": TRUTH_Q}
         table = read_stacked(self._path, groups, every=-(-self.count // MOST_THINNED))
         q = np.broadcast_to(np.nan, (len(table["host_time_ns"]), 4)) if rates else table["q"]
         return self._sound(Truth(table["host_time_ns"], q, table.get("rate")))
 
-    def near(self, instants: np.ndarray) -> Truth:
-        """The rows around some instants.
+    def near(self, instants: np.ndarray, rates: bool = True) -> Truth:
+        """The rows around some instants, without the specific force.
 
         What is interpolated there is not changed by it, and the memory is bounded whatever the
         length. A short one, and one that does not come from an arm, is read as a whole: whether one
@@ -143,7 +159,11 @@ class TruthFile(_StreamFile):
 
         Args:
             instants: Host times, increasing, shape (n,) [ns].
+            rates: Whether its rates are wanted.
         """
-        if not self.is_long or TRUTH_RATE[0] not in self.columns:
+        if not self.is_long or not self.has_rates:
             return self.read()
-        return self._sound(Truth(**read_near(self._path, Truth.groups(self.columns), instants)))
+        unread = {"force"} if rates else {"force", "rate"}
+        groups = Truth.groups(self.columns).items()
+        wanted = {key: group for key, group in groups if key not in unread}
+        return self._sound(Truth(**read_near(self._path, wanted, instants)))

@@ -311,8 +311,9 @@ class Session:
         """The same session, of whose long truths and arm only rows about the instants are read.
 
         What is interpolated at these instants is not changed by it, and the memory is bounded
-        whatever the length. Truths that do not come from an arm are read whole: whether one of
-        their orientations has jumped shows beside the others only.
+        whatever the length. Of these truths the orientations alone are read. Truths that do not
+        come from an arm are read whole: whether one of their orientations has jumped shows beside
+        the others only.
         """
         copied = copy(self)
         copied._near = instants
@@ -324,7 +325,7 @@ class Session:
         if file is None:
             return None
         if self._near is not None and sensor in self._near.sensors:
-            return file.near(self._near.sensors[sensor])
+            return file.near(self._near.sensors[sensor], rates=False)
         return file.read()
 
     def truth_file(self, sensor: str) -> TruthFile | None:

@@ -19,6 +19,8 @@ LONGEST_S = 100 * 86_400
 """Of a recording [s]: more is no time of one, and grids of time would fill the memory."""
 LATEST_NS = 4_000_000_000 * NANOSECONDS
 """Farthest from the zero of a clock, be it 1970: the year 2096. Differences keep within 64 bits."""
+PIECE = 100_000
+"""Rows that are looked at at once."""
 UNIT_WITHIN = 0.01
 """By which the length of a quaternion may differ from 1: two decimals of a text file."""
 RESTARTED_NS = NANOSECONDS
@@ -151,13 +153,15 @@ def refuse_no_rotations(path: Path, name: str, q: np.ndarray) -> None:
     Raises:
         SessionError: Names the row, from 0.
     """
-    with np.errstate(over="ignore"):  # squares of what is no part of a unit quaternion
-        length = np.sqrt((q * q).sum(axis=1))
-    known = ~np.isnan(q).any(axis=1)
-    wrong = known & ~(np.abs(length - 1.0) <= UNIT_WITHIN)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise SessionError(
-            f"{path} is damaged: {name} has length {length[row]:.3g} in row {row}, and a rotation "
-            "has 1"
-        )
+    for begin in range(0, len(q), PIECE):
+        piece = q[begin : begin + PIECE]
+        with np.errstate(over="ignore"):  # squares of what is no part of a unit quaternion
+            length = np.sqrt((piece * piece).sum(axis=1))
+        known = ~np.isnan(piece).any(axis=1)
+        wrong = known & ~(np.abs(length - 1.0) <= UNIT_WITHIN)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise SessionError(
+                f"{path} is damaged: {name} has length {length[row]:.3g} in row {begin + row}, and "
+                "a rotation has 1"
+            )
