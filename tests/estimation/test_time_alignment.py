@@ -266,8 +266,8 @@ def test_a_pendulum_is_put_right_or_called_periodic(seed):
         assert fit.refused in {"periodic", "no common motion"}
 
 
-@pytest.mark.parametrize("factor", [1e3, 1e-3])
-def test_a_truth_in_another_unit_of_time_is_told(factor):
+@pytest.mark.parametrize("factor", [1e3, 1e-3, 6 / 5, 1 / 2])
+def test_a_truth_in_another_unit_of_time_or_at_another_rate_is_told(factor):
     rng = np.random.default_rng(4)
     time = np.arange(0, 130, 0.005)
     whole = restless(rng, time)

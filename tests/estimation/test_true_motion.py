@@ -12,6 +12,7 @@ import pytest
 from testbench.estimation.alignment.axes import findings_on, identify_axes
 from testbench.estimation.alignment.true_motion import TrueMotion, true_motion
 from testbench.estimation.signals import truth_faults, truth_steps
+from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.model import rotation
 from testbench.records.session.manifest import SensorRecord
 from testbench.records.session.samples import ImuSamples, Truth
@@ -45,6 +46,45 @@ def test_a_truth_on_the_samples_clock_that_comes_late_is_named(known):
     assert found.code == "clock.late"
     assert found.values["late_s"] == pytest.approx(late / known.rate, abs=0.01)
     assert told(known.samples, truth_of(known.samples)).findings == []
+
+
+def test_a_delay_of_two_samples_is_named_where_the_body_turns_far_in_it(known):
+    (found,) = told(known.samples, truth_of(known.samples, 2)).findings
+    assert found.code == "clock.late"
+    assert found.values["late_s"] == pytest.approx(2 / known.rate, abs=0.6 / known.rate)
+    assert found.values["turn_deg"] > 1
+    slow = replace(known.samples, gyr=0.02 * known.samples.gyr)  # turns of which it is no delay
+    q = rotation.to_rotation_vector(truth_of(known.samples, 2).q_world_from_sensor)
+    slowly = Truth(slow.host_time_ns, rotation.from_rotation_vector(0.02 * q))
+    assert "clock.late" not in {own.code for own in told(slow, slowly).findings}
+
+
+def test_a_truth_that_is_on_another_clock_than_is_said_is_not_compared(known):
+    away = told(known.samples, truth_of(known.samples, round(4 * known.rate)))
+    (found,) = away.findings
+    assert away.unaligned == found.code == "clock.not_common"
+    assert found.values["late_s"] == pytest.approx(4, abs=0.05)
+
+
+def test_a_log_of_joints_that_froze_is_compared_beside_that(known):
+    samples = known.samples
+    truth = truth_of(samples)
+    frozen = slice(len(samples) // 5, 3 * len(samples) // 5)
+    q, rate = truth.q_world_from_sensor.copy(), samples.gyr.copy()
+    q[frozen], rate[frozen] = q[frozen.start], 0.0
+    held = Truth(truth.host_time_ns, q, rate)
+    assert fit_clock(samples, held, common_host=False).refused == "no common motion"
+    found = told(samples, held, align=True)
+    assert found.clock.method == "angular_rate" and not found.unaligned
+    assert "truth.frozen" in {own.code for own in found.findings}
+
+
+def test_a_truth_that_moves_otherwise_is_not_compared(known):
+    other = truth_of(simulated(5).samples)
+    rows = min(len(known.samples), len(other.host_time_ns))
+    foreign = Truth(known.samples.host_time_ns[:rows], other.q_world_from_sensor[:rows])
+    found = told(known.samples, foreign)
+    assert found.unaligned == "truth.foreign"
 
 
 def test_a_truth_that_stands_still_while_the_sensor_turns_is_not_compared(known):

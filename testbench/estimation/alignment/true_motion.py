@@ -44,6 +44,12 @@ LATE_S, LATE_SAMPLES = 0.02, 2.0
 """A truth on the samples' clock that moves so much later or earlier is not on it [s]: filters of a
 sensor and of a reference delay less.
 """
+LATE_TURN, LEAST_LATE = np.radians(1.0), 0.9
+"""So is one in whose delay the body turns so far, RMS [rad], if that is more than what a sensor
+that samples instants differs by from one that integrates, so many intervals [1].
+"""
+SURELY = 3.0
+"""By so many standard deviations it must be more [1]."""
 FOREIGN = 0.5
 """A truth whose rates explain less of the variance than this is remarked on [1]."""
 ALIKE = 0.9
@@ -148,7 +154,7 @@ def true_motion(
     if align and clock.refused == "no common motion":
         moving = without_repetitions(truth)
         if moving is not None:
-            clock = sensor_clock(samples, moving, described, align, every)
+            clock = _surest([sensor_clock(samples, moving, described, align, every)], clock)
     if file.is_long:
         truth = file.near(clock.to_host(samples.device_time_ns))
     told = _clock_finding(clock, truth, described, samples)
@@ -163,14 +169,16 @@ def true_motion(
     fit = fit_rates(access.turned, read, sound.truth)
     doubt = None if fit is None else _doubt(access.turned, read, sound, fit)
     findings = [*sound.findings]
+    late: list[Finding] = []
+    if sound.clock.method == "none" and (doubt is None or doubt.code == "truth.foreign"):
+        late = _late(access, sound.truth, described, sound.clock, doubt is None)
+        doubt = late.pop() if doubt is not None and late else doubt
     if doubt is not None and doubt.code != sound.unaligned:
         findings.append(doubt)
-    unaligned = sound.unaligned or _in_the_way(doubt)
+    unaligned = sound.unaligned or ("" if doubt is None else doubt.code)
     if told is not None and unaligned != "clock.no_common_motion":
         findings.insert(0, told)
-    if doubt is None and sound.clock.method == "none" and sound.truth is not None:
-        findings += _late(access, sound.truth, described, sound.clock)
-    motion = replace(sound, findings=findings, unaligned=unaligned, fit=fit)
+    motion = replace(sound, findings=[*findings, *late], unaligned=unaligned, fit=fit)
     return _without_ambiguous(access, _cut_where_both_part(access, read, motion))
 
 
@@ -283,11 +291,6 @@ def _surest(fits: list[ClockFit], otherwise: ClockFit) -> ClockFit:
     return min(good, key=lambda own: own.offset_sd_s, default=otherwise)
 
 
-def _in_the_way(doubt: Finding | None) -> str:
-    """Code of a doubt by which the truth cannot be compared, or ""."""
-    return "" if doubt is None or doubt.code == "truth.foreign" else doubt.code
-
-
 def _doubt(
     turned: ImuSamples, read: np.ndarray, motion: TrueMotion, fit: RateFit
 ) -> Finding | None:
@@ -325,9 +328,17 @@ def turning_instants(access: SampleAccess, clock: ClockFit, described: SensorRec
 
 
 def _late(
-    access: SampleAccess, truth: Truth, described: SensorRecord, clock: ClockFit
+    access: SampleAccess, truth: Truth, described: SensorRecord, clock: ClockFit, fits: bool
 ) -> list[Finding]:
-    """That a truth which needs no clock, as is said, moves at other times than the samples."""
+    """That a truth which needs no clock, as is said, moves at other times than the samples.
+
+    Args:
+        access: To the samples of the sensor.
+        truth: What it went through.
+        described: What is known of the sensor.
+        clock: As is said.
+        fits: Whether the two can be compared by it all the same.
+    """
     samples = access.samples
     fit = sensor_clock(samples, truth, described, True, access.every)
     if fit.method != "angular_rate" or not (fit.correlation or 0.0) > ALIKE:
@@ -335,9 +346,17 @@ def _late(
     middle = samples.device_time_ns[len(samples) // 2 : len(samples) // 2 + 1]
     late_s = float((fit.to_host(middle) - clock.to_host(middle))[0]) / NANOSECONDS
     step_s = median_interval(samples.device_time_ns) / NANOSECONDS
-    if abs(late_s) <= max(LATE_S, LATE_SAMPLES * step_s):
+    gyr = access.turned.gyr[np.isfinite(access.turned.gyr).all(axis=1)]
+    speed = float(np.sqrt(np.mean(rotation.lengths(gyr - np.median(gyr, axis=0)) ** 2)))
+    turn = abs(late_s) * speed
+    least = max(LATE_S, LATE_SAMPLES * step_s)
+    if turn > LATE_TURN:
+        least = min(least, LEAST_LATE * step_s + SURELY * fit.offset_sd_s)
+    if abs(late_s) <= least:
         return []
-    return [finding("clock.late", late_s=late_s)]
+    if not fits:
+        return [finding("clock.not_common", late_s=late_s, correlation=fit.correlation)]
+    return [finding("clock.late", late_s=late_s, turn_deg=float(np.degrees(turn)))]
 
 
 def _clock_finding(

@@ -68,6 +68,14 @@ SAME_S = 0.05
 """Fits that end so near to one another are one [s]."""
 UNIT_FACTORS = (1e-3, 1e3, 1e-6, 1e6, 1e-9)
 """By which times are wrong that were read in another unit than theirs [1]."""
+RATE_FACTORS = (1 / 2, 2.0, 5 / 6, 6 / 5, 4 / 5, 5 / 4, 2 / 3, 3 / 2, 1 / 4, 4.0)
+"""By which times are wrong that were made of frames at another rate than the cameras ran at: those
+of 24, 25, 30, 50, 60, 100, 120, 200, 240 Hz are in these proportions [1].
+"""
+LIKE_ONE_MOTION = 0.9
+"""Rates correlate by as much where a factor is named: of several that are tried one may fit by
+chance [1].
+"""
 FURTHEST_SPAN = 20.0
 """Records whose spans differ by a greater factor may be in different units [1]."""
 PART_ERROR_S = 50e-6
@@ -151,6 +159,9 @@ def fit_anywhere(
     found = find_common_motion(measured, true)
     stated = arrival.offset_s - zero
     if not found.shifts:
+        factor = _rate_factor(measured, true)
+        if factor is not None:
+            return replace(arrival, refused="unit", unit_factor=factor)
         return replace(arrival, refused="no common motion", correlation=found.correlation)
     fits = _fitting_alike(measured, true, found)
     if not fits:
@@ -224,13 +235,29 @@ def _unit_factor(measured: RateMagnitude, true: RateMagnitude) -> float | None:
     if 1 / FURTHEST_SPAN < spans[0] / spans[1] < FURTHEST_SPAN:
         return None
     for factor in UNIT_FACTORS:
-        if 1 / FURTHEST_SPAN < spans[0] / (spans[1] * factor) < FURTHEST_SPAN:
-            scaled = RateMagnitude(
-                true.time * factor, true.rate / factor, true.width * factor, true.gap * factor
-            )
-            if find_common_motion(_averaged(measured, scaled.width), scaled).shifts:
-                return factor
+        can_be = 1 / FURTHEST_SPAN < spans[0] / (spans[1] * factor) < FURTHEST_SPAN
+        if can_be and _by_factor(measured, true, factor).shifts:
+            return factor
     return None
+
+
+def _rate_factor(measured: RateMagnitude, true: RateMagnitude) -> float | None:
+    """What the truth's times must be multiplied by to fit, if another frame rate makes them fit."""
+    found = {factor: _by_factor(measured, true, factor) for factor in RATE_FACTORS}
+    fitting = {
+        factor: own.correlation
+        for factor, own in found.items()
+        if own.shifts and own.correlation > LIKE_ONE_MOTION
+    }
+    return max(fitting, key=fitting.__getitem__, default=None)
+
+
+def _by_factor(measured: RateMagnitude, true: RateMagnitude, factor: float) -> CommonMotion:
+    """The motion in common if the truth's times are multiplied by a factor."""
+    scaled = RateMagnitude(
+        true.time * factor, true.rate / factor, true.width * factor, true.gap * factor
+    )
+    return find_common_motion(_averaged(measured, scaled.width), scaled)
 
 
 def _fit_arrival(samples: ImuSamples) -> ClockFit:

@@ -181,12 +181,15 @@ def without_repetitions(truth: Truth) -> Truth | None:
         for first, last in intervals_of(same, 1)
         if time[last] - time[first] >= LEAST_FROZEN_S * NANOSECONDS
     ]
-    if not long or truth.rate is not None:
+    if not long:
         return None
     cleaned = q.copy()
+    rate = None if truth.rate is None else truth.rate.copy()
     for first, last in long:
         cleaned[first : last + 1] = np.nan
-    return replace(truth, q_world_from_sensor=cleaned)
+        if rate is not None:  # of a log of joints, by its angles: the step beside has a rate, too
+            rate[max(first - BESIDE, 0) : last + 1 + BESIDE] = np.nan
+    return replace(truth, q_world_from_sensor=cleaned, rate=rate)
 
 
 def _samples_of(time_ns: np.ndarray, rows: np.ndarray, lost: np.ndarray) -> np.ndarray:

@@ -43,10 +43,17 @@ TEMPLATES = {
     "clock.late": Template(
         WARNING,
         "the truth is said to share the clock of the samples, but its motion comes "
-        "{late_s:+.3f} s after theirs",
+        "{late_s:+.3f} s after theirs, in which it turns by {turn_deg:.1f} deg RMS",
         "one of the two is delayed, and the errors of all filters hold that delay",
         "shift the truth, or leave out `same_clock: true` or `align_clock: false`, so that the "
         "motion aligns them",
+    ),
+    "clock.not_common": Template(
+        WARNING,
+        "the truth is said to share the clock of the samples, but fits them only where "
+        "{late_s:+.3f} s are between their times (correlation {correlation:.3f})",
+        "they are not on one clock; nothing of it is evaluated",
+        "leave out `same_clock: true` or `align_clock: false`, so that the motion aligns them",
     ),
     "clock.truth_still": Template(
         WARNING,
@@ -81,9 +88,10 @@ TEMPLATES = {
     "clock.truth_unit": Template(
         WARNING,
         "the truth's times fit its motion when multiplied by {factor:g}",
-        "they were read in another unit than theirs; nothing of it is evaluated",
+        "they were read in another unit than theirs, or made of frames at another rate than the "
+        "cameras'; nothing of it is evaluated",
         "state their unit: `time: {{column: ..., unit: ...}}` of the truth in the mapping, or "
-        "--truth-time-unit",
+        "--truth-time-unit; or their rate: `rate_hz`, or --truth-rate",
     ),
     "clock.no_overlap": Template(
         WARNING,
@@ -169,7 +177,8 @@ TEMPLATES = {
         WARNING,
         "its angular rates fit the truth in {percent:.0f} % of their variance only, however both "
         "are turned",
-        "its axes or its truth are wrong, or the two do not move together",
+        "its axes or its truth are wrong, or the two do not move together; nothing of it is "
+        "evaluated",
     ),
     "truth.stepped": Template(
         WARNING,
