@@ -48,6 +48,8 @@ LATE_TURN, LEAST_LATE = np.radians(1.0), 0.9
 """So is one in whose delay the body turns so far, RMS [rad], if that is more than what a sensor
 that samples instants differs by from one that integrates, so many intervals [1].
 """
+SURELY = 3.0
+"""By so many standard deviations it must be more [1]."""
 FOREIGN = 0.5
 """A truth whose rates explain less of the variance than this is remarked on [1]."""
 ALIKE = 0.9
@@ -347,7 +349,9 @@ def _late(
     gyr = access.turned.gyr[np.isfinite(access.turned.gyr).all(axis=1)]
     speed = float(np.sqrt(np.mean(rotation.lengths(gyr - np.median(gyr, axis=0)) ** 2)))
     turn = abs(late_s) * speed
-    least = LEAST_LATE * step_s if turn > LATE_TURN else max(LATE_S, LATE_SAMPLES * step_s)
+    least = max(LATE_S, LATE_SAMPLES * step_s)
+    if turn > LATE_TURN:
+        least = min(least, LEAST_LATE * step_s + SURELY * fit.offset_sd_s)
     if abs(late_s) <= least:
         return []
     if not fits:
