@@ -10,7 +10,6 @@ from typing import Any
 from testbench.clock import Clock, utc_text
 from testbench.exceptions import InputError
 from testbench.pipeline.analyse import Result, examine
-from testbench.pipeline.prepared import Prepared
 from testbench.pipeline.request import AnalysisRequest, Request, RunRequest, StudyRequest
 from testbench.pipeline.run import run
 from testbench.pipeline.watcher import Watcher, nothing
@@ -175,15 +174,6 @@ class StudyBench:
             run=RunRequest(protocol=str(protocol), seed=seed, logs=str(self.logs)),
             analysis=AnalysisRequest(report=report),
         )
-
-    def run_part(self, asked: Request, prepared: Prepared) -> Result:
-        """Run one part of a protocol that was planned for all of them.
-
-        Args:
-            asked: As `request` makes it.
-            prepared: Of a request for the same protocol.
-        """
-        return run(asked, Watcher(self.clock), prepared)
 
     def now(self) -> str:
         """As records keep it."""

@@ -86,8 +86,8 @@ def same_sign(q: np.ndarray, other: np.ndarray) -> np.ndarray:
     """The first or its negative, whichever is nearer to the other, shape (n, 4).
 
     Args:
-        q: Shape (n, 4).
-        other: Shape (n, 4).
+        q: Each may come with its negative, shape (n, 4).
+        other: What they are to be near to, shape (n, 4).
     """
     return np.where(np.sum(q * other, axis=1, keepdims=True) < 0, -q, q)
 
