@@ -49,13 +49,12 @@ def _read_npz(file: Path) -> tuple[np.ndarray, dict[str, Poses]]:
         raise FileProblems(file, [Problem(f"not a readable .npz: {error}")]) from None
     time = arrays.pop("time_s", np.zeros(0))
     names = dict.fromkeys(key.rpartition(".")[0] for key in arrays)
-    nothing = np.zeros((0, 0))
-    return time, {
-        name or SINGLE: tuple(
-            arrays.get(f"{name}.{key}" if name else key, nothing) for key in ("q", "position_m")
-        )
-        for name in names
-    }  # type: ignore[return-value]
+    nothing, bodies = np.zeros((0, 0)), {}
+    for name in names:
+        prefix = f"{name}." if name else ""
+        q, place = (arrays.get(prefix + key, nothing) for key in ("q", "position_m"))
+        bodies[name or SINGLE] = (q, place)
+    return time, bodies
 
 
 def _read_csv(file: Path) -> tuple[np.ndarray, dict[str, Poses]]:

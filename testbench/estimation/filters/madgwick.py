@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from numba import njit
@@ -199,7 +200,7 @@ class MadgwickMarg(KernelFilter):
 
     name, needs = "madgwick_marg", ("gyr", "acc", "mag")
     source = f"{PAPER}, eqs 12 to 33; bias: {REPORT}, eqs 47 to 49"
-    PARAMETERS = (
+    PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter("beta", 0.041, "rad/s", BETA, f"{PAPER}, section V", 0.003, 0.5),
         ZETA,
         ACC_GATE,

@@ -14,6 +14,7 @@ from testbench.estimation.filters import FILTERS, RecursiveFilter, get_filter
 from testbench.model import rotation
 from testbench.model.statistics.spread import Change, in_percent
 from testbench.records.results.study import (
+    Print,
     StudyReason,
     StudyRecord,
     StudyRow,
@@ -169,8 +170,9 @@ def identity_table(take: Take) -> StudyTable:
             (None, None, None, step_difference(RANDOM_STEPS, interval)),
         )
     ]
+    prints: tuple[tuple[str, Print], ...] = ((TEXT, "text"), (UPSTREAM, "upstream code"))
     for beta, zeta in ((0.35, 0.07), (0.33, 0.05), (0.1, 1.0)):
-        for name, label in ((TEXT, "text"), (UPSTREAM, "upstream code")):
+        for name, label in prints:
             together, largest = _stepwise(take, name, beta, zeta)
             rows.append(
                 StudyRow(
@@ -214,7 +216,7 @@ def _stepwise(take: Take, name: str, beta: float, zeta: float) -> tuple[float, f
         size = _gradient_size(take, i, state["q"]) if name == TEXT else 1.0
         sum_of_both = beta + samples.interval * zeta * size
         other = get_filter(MARG, {"beta": sum_of_both})
-        q_other, _ = other.advance(now, {**state, "filter": MARG})  # type: ignore[attr-defined]
+        q_other, _ = other.advance(now, {**state, "filter": MARG})
         q, state = kind.advance(now, state)
         largest = max(largest, float(np.abs(q - q_other).max()))
         together.append(sum_of_both)
@@ -567,7 +569,7 @@ def noise_table(sessions: Sequence[Session], sensor: str) -> StudyTable:
         cells = [(s * unit, rule(s * unit), rule(d * unit)) for s, d in found]
         means, sds = zip(*(_mean_sd(column) for column in zip(*cells, strict=True)), strict=True)
         other = "of another sensor, whose noise is not stated" if beside else ""
-        print_of = "text" if beside or "text" in label else ""
+        print_of: Print = "text" if beside or "text" in label else ""
         name = label.replace(" of the text", "")
         return StudyRow(name, means, beside, spread=sds, printed=print_of, other=other)
 

@@ -17,6 +17,7 @@ from testbench.frames import NANOSECONDS
 from testbench.model.heading import heading_drift
 from testbench.model.rigid_motion import RigidMotion
 from testbench.pipeline.simulate import felt
+from testbench.records.results.study import Print
 from testbench.records.specs.sensor import load_preset
 from testbench.studies.bench import StudyBench
 from testbench.studies.pedestrian.walker import REST_BEFORE_S, Walked, Walker, walk_a_path
@@ -49,7 +50,7 @@ DEVICE, LISTING, TEXT, SIMPLE = (
 )
 CORRECTED, OURS = "euler_ekf", "vqf_6d"
 FILTERS = (LISTING, TEXT, SIMPLE, CORRECTED, OURS)
-PRINTS = {LISTING: "listing", TEXT: "text", SIMPLE: "text"}
+PRINTS: dict[str, Print] = {LISTING: "listing", TEXT: "text", SIMPLE: "text"}
 PARAMETERS = {"shank": "shin", "wrist": "wrist", "chest": "chest"}
 """Names of the places in table 11."""
 PROPERTIES: dict[str, list[tuple[str, Walker]]] = {
