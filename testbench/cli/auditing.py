@@ -29,7 +29,8 @@ def audit(
         ),
     ] = None,
     rest: Annotated[
-        float, typer.Option("--rest", min=0.1, help="Shortest rest on a face that counts [s].")
+        float,
+        typer.Option("--rest", min=0.1, help="Shortest rest on a face that counts, in seconds."),
     ] = 1.0,
     no_verify: NoVerifyOption = False,
     json: JsonOption = False,
