@@ -122,9 +122,12 @@ def test_the_tables_stand_beside_the_published_ones(walks):
     assert {curve.name for curve in loop_curves(walks).curves} >= {"walked", "shank", "wrist"}
 
 
-def test_relative_errors_of_table_13_are_those_of_table_12():
+def test_relative_errors_of_table_13_are_those_of_table_12_but_for_the_misprint():
     tables = load_published_tables("reference_4").tables
     for relative, absolute in zip(tables["13"].rows, tables["12"].rows, strict=True):
         assert relative.label == absolute.label
-        assert relative.values[0] == pytest.approx(100 * absolute.values[1] / 109, abs=0.01)
+        misprinted = relative.label == "NGIMU, chest, 3"  # the count, where the error belongs
+        cycles = absolute.values[0 if misprinted else 1]
+        assert relative.values[0] == pytest.approx(100 * cycles / 109, abs=0.01)
+        assert bool(relative.remark) == misprinted
         assert relative.values[1] == pytest.approx(100 * absolute.values[2] / 151.72, abs=0.25)
