@@ -254,8 +254,8 @@ FAULTS = {
     "an unknown preset": Fault(
         "    preset: ideal\n    link: wrist_3",
         "    preset: idal\n    link: wrist_3",
-        "unknown sensor preset 'idal'; known: ideal, matrix, mpu6050, mpu6050_100hz, xsens_dot, "
-        "xsens_mti",
+        "unknown sensor preset 'idal'; known: bno055, bno080, ideal, matrix, "
+        "mpu6050, mpu6050_100hz, ngimu, shimmer3, tech_imu, xsens_dot, xsens_mti",
         "idal",
     ),
     "an unknown parameter": Fault(

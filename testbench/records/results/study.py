@@ -14,7 +14,8 @@ from testbench.records.disk.json_file import plain_values, write_json
 from testbench.records.disk.json_record import AS_WRITTEN, Array, read_record
 from testbench.records.disk.replacing import stored
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 1
+"""What has come since has defaults, with which earlier ones are read."""
 FILE = "study.json"
 
 Value = float | str | None
