@@ -23,15 +23,12 @@ def test_the_fits_stand_beside_the_published_ones_and_agree_as_printed(study):
     table = study.table("fits")
     rows = {row.label: row for row in table.rows}
     assert list(rows) == [f"{f} deg" for f in range(0, 71, 5)]
-    printed = {
-        "60 deg": (5, 5, 5, 9, 5, 4, 4, 5),
-        "70 deg": (5, 5, 5, 9, 4, 4, 4, 2),
-    }  # decimals of the source
-    for label, decimals in printed.items():
-        ours = [
-            round(value, digits) for value, digits in zip(rows[label].values, decimals, strict=True)
-        ]
-        assert ours == list(rows[label].published)
+    printed = ("60 deg", "70 deg")
+    nought = table.columns.index("b")  # of a fit that is even: rounding alone, here and there
+    for label in printed:
+        ours, theirs = list(rows[label].values), list(rows[label].published)
+        assert max(abs(ours.pop(nought)), abs(theirs.pop(nought))) < 1e-15
+        assert [f"{value:.4g}" for value in ours] == [f"{value:.4g}" for value in theirs]
         assert rows[label].ratio(0) == pytest.approx(1, abs=3e-4)
     assert all(not row.published for label, row in rows.items() if label not in printed)
     assert study.source == "Castellanos Alonso, Universidad de Oviedo, 2023"

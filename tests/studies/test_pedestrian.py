@@ -141,10 +141,8 @@ def test_the_tables_hold_ours_beside_the_published(swung):
         row for row in drift.rows if row.published[:1] == (50,) and "cycles 14" in row.label
     )
     assert 0.7 < simple.ratio(0) < 1.1
-    table = study.table("table 10")
-    assert [row.published for row in table.rows] == [
-        tuple(row.values) for row in load_published_tables("reference_4").tables["10"].rows
-    ]
+    # what was published of walks stands beside walks (test_walks), not beside swings
+    assert [table.key for table in study.tables] == ["cycles", "drift"]
     assert ["gait_cycles 14, roll_deg 3" in figure.caption for figure in study.curves] == [
         True,
         True,

@@ -75,44 +75,33 @@ def test_the_sentence_says_what_each_change_shows():
         "less": ["rate of q"],
         "not shown": ["angle of q"],
     }
-    said = words.judged(words.STATES, changes, 3)
-    assert "has less error than the kinematic one in rate of q (50 % less)" in said
-    assert "has more error than the kinematic one in acceleration of q (50 % more)" in said
-    assert "neither is shown in angle of q (" in said and said.endswith(
-        "The thesis has less in all 3."
-    )
-    only = words.judged(words.ORDER, {"angle": LESS}, 3)
+    said = words.states_judged("squat", changes, 3)
+    assert said.startswith("squat: by intervals of 95 %, less error in rate of q (50 % less); ")
+    assert "; more error in acceleration of q (50 % more); " in said
+    assert "neither shown in angle of q (" in said
+    assert said.endswith("(Fourier against kinematic, 3 runs).")
+    only = words.order_judged({"angle": LESS}, 3)
     assert "more error" not in only and "neither" not in only
+    assert only.endswith("The thesis has more in all 1.")
 
 
 def test_of_one_run_the_sentence_claims_nothing():
-    said = words.judged(
-        words.STATES, {"angle": Change.of([3.0], [2.0]), "rate": Change.of([1.0], [2.0])}, 1
-    )
-    assert said.startswith("One run shows nothing")
-    assert "less in rate; more in angle" in said and "%" not in said
+    changes = {"angle": Change.of([3.0], [2.0]), "rate": Change.of([1.0], [2.0])}
+    for said in (words.states_judged("squat", changes, 1), words.order_judged(changes, 1)):
+        assert "ne run does not show which" in said
+        assert not any(word in said for word in ("less", "more", "%", "thesis"))
 
 
 def test_joints_that_are_not_covered_are_named_the_worst_first():
     said = words.covered(
         "kinematic", {"hip (gait)": (0.2, 70.0), "pelvis_tilt (gait)": (9.51, 30.0)}, 23, 80
     )
-    assert "2 of 23 joints are covered below 80 %" in said
+    assert "2 of 23 joints and motions are covered below 80 %" in said
     assert (
-        "(pelvis_tilt (gait): RMS 9.51 deg, 30.0 % covered, hip (gait): RMS 0.20 deg, 70.0 % "
+        "(pelvis_tilt (gait): RMS 9.51 deg, 30 % covered, hip (gait): RMS 0.20 deg, 70 % "
         "covered)" in said
     )
     assert "covers at least 80 %" in words.covered("fourier", {}, 23, 80)
-
-
-def test_a_misplaced_root_is_ruled_out_only_where_the_columns_differ():
-    said = words.sizes([[0.4, 0.8], [0.9, 2.4], [33.2, 487.0]])
-    assert (
-        "0.4 to 0.8 times theirs in the angles, 0.9 to 2.4 in the rates and 33 to 487 in the "
-        "accelerations" in said
-    )
-    assert "it alone does not make the difference" in said
-    assert "root" not in words.sizes([[1.0, 3.0], [2.0, 2.5], [2.2, 4.0]])
 
 
 def test_what_the_parts_show_is_told_no_wider_than_their_spread():
