@@ -156,7 +156,7 @@ def test_a_bench_that_is_stopped_by_a_signal_for_longer_than_it_may_finds_its_ar
         bench.join(60)
     finally:
         bench.kill()
-    faulted_session(logs, {"host_silence"})
+    faulted_session(logs, {"host_silence"}, least=0)  # held before much is recorded
 
 
 @pytest.mark.parametrize(
