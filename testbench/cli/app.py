@@ -253,8 +253,8 @@ def evaluate(
     errors = injected_errors(inject or [])
     typed = typed_plateaus(plateaus or [])
     wanted = summed_up(wanted, markdown, junit)
-    rows = judge_plateaus(opened, wanted, errors, typed)
     result = examine(opened, wanted, errors).evaluation if errors else judge_again(opened, wanted)
+    rows = judge_plateaus(opened, wanted, errors, typed)  # of the estimate that is kept by now
     if json:
         say_json(result.to_dict() | ({"plateaus": [vars(row) for row in rows]} if typed else {}))
     else:

@@ -166,16 +166,13 @@ def _say_list(studies: list[Study], json: bool) -> None:
             {
                 "name": study.name,
                 "description": study.description,
-                "takes": list(study.takes),
                 "options": dict(study.options),
             }
             for study in studies
         ]
         return say_json({"studies": entries})
-    rows: list[list[object]] = [
-        [study.name, study.description, " or ".join(study.takes) or "-"] for study in studies
-    ]
-    say_table("Studies", ["name", "description", "own data that it takes"], rows)
+    rows: list[list[object]] = [[study.name, study.description] for study in studies]
+    say_table("Studies", ["name", "description"], rows)
     for study in studies:
         for option, meaning in study.options.items():
             say(f"{study.name} --option {option}=...: {meaning}")

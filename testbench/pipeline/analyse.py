@@ -12,7 +12,7 @@ from testbench.evaluation import evaluate
 from testbench.evaluation.plateaus import plateau_rows
 from testbench.formats.exporters import Exported
 from testbench.pipeline.exports import export_estimate
-from testbench.pipeline.kept_estimate import load_or_estimate
+from testbench.pipeline.kept_estimate import kept_or_new, load_or_estimate
 from testbench.pipeline.loaded_analysis import LoadedAnalysis, load_analysis
 from testbench.pipeline.repeats import judged_with_repeats
 from testbench.pipeline.request import AnalysisRequest
@@ -113,10 +113,7 @@ def examine(
         InputError: As for `analyse`, or an error cannot be put in.
     """
     loaded = load_analysis(asked or AnalysisRequest())
-    estimated = loaded.estimate(session)
-    if injected:
-        filters = loaded.choose(loaded.settings(session))
-        estimated = with_injected(session, estimated, injected, filters)
+    estimated = _with_errors(session, loaded, injected)
     evaluated = evaluate(session, estimated, loaded.settings(session))
     write_summaries((session, evaluated), loaded.asked.markdown, loaded.asked.junit)
     return Result(None, session, estimated, evaluated, None)
@@ -142,7 +139,17 @@ def judge_plateaus(
     """
     if not typed:
         return []
-    return plateau_rows(session, examine(session, asked, injected).estimate, typed)
+    return plateau_rows(session, _with_errors(session, load_analysis(asked), injected), typed)
+
+
+def _with_errors(
+    session: Session, loaded: LoadedAnalysis, injected: Sequence[InjectedError]
+) -> Estimate:
+    """The estimate that a session keeps, or a new one, with errors put into it."""
+    estimated = kept_or_new(session, loaded)
+    if not injected:
+        return estimated
+    return with_injected(session, estimated, injected, loaded.choose(loaded.settings(session)))
 
 
 @session_locked

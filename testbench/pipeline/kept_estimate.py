@@ -56,13 +56,22 @@ def estimate_of(session: Session, loaded: LoadedAnalysis) -> Estimate | None:
     Returns:
         None where nothing can be estimated of it.
     """
+    try:
+        return kept_or_new(session, loaded)
+    except InputError:
+        return None
+
+
+def kept_or_new(session: Session, loaded: LoadedAnalysis) -> Estimate:
+    """See `estimate_of`.
+
+    Raises:
+        InputError: Nothing can be estimated of it.
+    """
     stored = stored_estimate(session)
     if stored is not None and is_as_asked(stored, session, loaded):
         return stored
-    try:
-        return loaded.estimate(session)
-    except InputError:
-        return None
+    return loaded.estimate(session)
 
 
 def stored_estimate(session: Session) -> Estimate | None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from testbench.exceptions import InputError, NotFoundError
 
@@ -14,10 +14,6 @@ if TYPE_CHECKING:
     from testbench.pipeline.request import StudyRequest
     from testbench.records.results.study import StudyRecord
     from testbench.studies.bench import StudyBench
-
-
-Own = Literal["protocol", "session"]
-"""Data of the user's: a protocol to run, or a recording."""
 
 
 @dataclass(frozen=True)
@@ -39,17 +35,16 @@ class KeptStudy:
 class Study:
     """A study that can be asked for by name.
 
+    Each takes a protocol or a recording of the user's in place of its own data.
+
     Attributes:
         module: Has the function `run`.
-        takes: Whose own data it takes in place of its own: those of another protocol, of a
-            recording, or of either.
         options: What may be set of it, by name, with what it means.
     """
 
     name: str
     description: str
     module: str
-    takes: tuple[Own, ...] = ()
     options: Mapping[str, str] = field(default_factory=dict)
 
     def run(self, bench: StudyBench) -> StudyRecord:
@@ -59,8 +54,7 @@ class Study:
         them.
 
         Raises:
-            InputError: The bench has a protocol or a session of the user's and the study takes
-                none.
+            InputError: The bench has both a protocol and a session of the user's.
             NotFoundError: The study has no such option; lists those that it has.
         """
         self._refuse(bench)
@@ -73,19 +67,11 @@ class Study:
         return record.without_published() if bench.own else record
 
     def _refuse(self, bench: StudyBench) -> None:
-        given: dict[Own, object] = {"protocol": bench.protocol, "session": bench.session}
         for option in bench.options:
             if option not in self.options:
                 raise NotFoundError(f"option of {self.name}", option, list(self.options))
-        asked: list[Own] = [own for own, value in given.items() if value is not None]
-        if len(asked) > 1:
+        if bench.protocol is not None and bench.session is not None:
             raise InputError("--protocol runs something, --session runs nothing: name one of them")
-        for own in asked:
-            if own not in self.takes:
-                takers = ", ".join(study.name for study in STUDIES.values() if own in study.takes)
-                raise InputError(
-                    f"study {self.name} takes no {own} but its own; another is taken by: {takers}"
-                )
 
     def keep(self, bench: StudyBench) -> KeptStudy:
         """Run it, and keep its record and its report in a folder beside the sessions.
@@ -114,7 +100,6 @@ STUDIES = {
             "Integrators in the calibration of a gyroscope on a gimbal, beside tables 4.1 to 4.7 "
             "of Botina & Vergara 2018",
             "testbench.studies.gimvebo.study",
-            ("protocol", "session"),
             _OF_TURNS,
         ),
         Study(
@@ -122,46 +107,39 @@ STUDIES = {
             "The two gains of Madgwick's filter on a leg, beside the sweeps of de Miguel Pueyo "
             "2024, and what a true bias state gains",
             "testbench.studies.beta_zeta.study",
-            ("protocol", "session"),
         ),
         Study(
             "misalignment",
             "Misaligned segments: theory, its fits, every sequence, and a session beside them",
             "testbench.studies.elbow.misalignment",
-            ("protocol", "session"),
         ),
         Study(
             "reference-1",
             "Joint angles of an elbow played by a UR3e, beside section 4 and tables 5.1 to 5.10 of "
             "Castellanos Alonso 2023",
             "testbench.studies.elbow.study",
-            ("protocol", "session"),
         ),
         Study(
             "reference-2",
             "The study beta_zeta under the name of its publication, de Miguel Pueyo 2024",
             "testbench.studies.beta_zeta.study",
-            ("protocol", "session"),
         ),
         Study(
             "reference-3",
             "The study gimvebo under the name of its publication, Botina & Vergara 2018",
             "testbench.studies.gimvebo.study",
-            ("protocol", "session"),
             _OF_TURNS,
         ),
         Study(
             "reference-4",
             "Gait cycles, path and yaw drift of a walker, beside Cabezuelo Gutiérrez 2019",
             "testbench.studies.pedestrian.study",
-            ("protocol", "session"),
         ),
         Study(
             "reference-5",
             "The Kalman filter of a kinematic chain, beside tables 4.1 to 4.4 of Quijano & "
             "Valencia 2018",
             "testbench.studies.chain.study",
-            ("protocol", "session"),
         ),
     )
 }

@@ -39,8 +39,10 @@ def test_reference_4_counts_every_cycle_and_drifts_as_published(bench, tmp_path)
             assert row.values[0] == pytest.approx(44, abs=3) and row.published[0] == 50
         else:
             assert row.values[0] < 10 and row.published[0] == 10
-    assert "counted exactly" in study.findings[0]
-    assert "In walk, gait_cycles 14, roll_deg 3 the yaw drifts" in study.findings[1]
+    assert any("counted exactly" in told for told in study.findings)
+    assert any(
+        "In walk, gait_cycles 14, roll_deg 3 the yaw drifts" in told for told in study.findings
+    )
 
 
 def test_reference_4_takes_a_protocol_of_ones_own_and_draws_its_paths(bench, own_swing, tmp_path):
@@ -80,10 +82,6 @@ def test_a_protocol_that_a_study_cannot_use_is_refused_before_anything_runs(benc
     empty = replace(bench, logs=tmp_path / "logs")
     with pytest.raises(InputError, match="static_noise has no sweep"):
         get_study("reference-4").run(replace(empty, protocol="static_noise"))
-    with pytest.raises(InputError, match="takes no protocol but its own; another is taken by:"):
-        get_study("beta_zeta").run(replace(empty, protocol="shank_swing"))
-    with pytest.raises(InputError, match="takes no session but its own; another is taken by:"):
-        get_study("beta_zeta").run(replace(empty, session="somewhere"))
     with pytest.raises(InputError, match="name one of them"):
         get_study("reference-1").run(replace(empty, session="somewhere", protocol="shank_swing"))
     with pytest.raises(NotFoundError, match="option of reference-3 'interval'; known: every"):
