@@ -120,7 +120,11 @@ def test_a_fault_put_in_anywhere_is_flagged_there_and_nowhere_else(kind):
             spoilt_samples, where = spoilt(samples, kind, own, rng)
             flagged = doubts_on(spoilt_samples, Belief()).flagged
             faulty, found = faulty + where.sum(), found + (flagged & where).sum()
-            wrong += (flagged & ~where & ~samples.saturated).sum()
+            near = where.copy()
+            if kind == "stuck":  # a coarse part may have read the same just before or after
+                near[1:] |= where[:-1]
+                near[:-1] |= where[1:]
+            wrong += (flagged & ~near & ~samples.saturated).sum()
     assert found >= 0.98 * faulty
     assert wrong == 0
 

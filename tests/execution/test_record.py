@@ -59,9 +59,10 @@ class Feeder:
         begin, k = time.monotonic(), 0
         while not self.ended.wait(max(begin + k / self.rate - time.monotonic(), 0)):
             wobble, other = 0.01 * math.sin(3 * k), 0.01 * math.cos(3 * k)
+            third = 0.01 * math.sin(5 * k)
             text = (
                 f"{k * 1000 / self.rate:.0f} {wobble:.4f} {other:.4f} {1 - wobble:.4f} "
-                f"{wobble:.4f} {20 + other:.4f} {wobble:.4f}\n"
+                f"{wobble:.4f} {20 + other:.4f} {third:.4f}\n"
             )
             with suppress(BlockingIOError):
                 os.write(self.master, text.encode())

@@ -57,7 +57,7 @@ def trust(size: float, low: float, high: float) -> float:
     """
     # e = | |a| - g | / g, and the gain falls linearly between both thresholds
     off = abs(size - GRAVITY) / GRAVITY
-    if off <= low:
+    if not off > low:  # nor of a force that is not known
         return 1.0
     return max((high - off) / (high - low), 0.0) if high > low else 0.0
 
