@@ -4,11 +4,12 @@
 - `run`: carry out a request for a run; with `prepared`, `arm`, `own_kinematics`, `approval`,
   `resume`, `kept_analysis`.
 - `analyse`: estimate, evaluate and report a recording; with `loaded_analysis`, `kept_estimate`,
-  `repeats`; `gait`: reckon a walk.
+  `repeats`, `summaries`; `gait`: reckon a walk; `audit`: sampling and axes of its sensors.
+- `compare`: two sides of sessions, which `sides` finds.
 - `show`: look at a recording; `exports`: write it for other programs.
 - `calibrate`, `noise`, `noise_preset`, `tune`, `parameter_space`: what sensors and filters are
   found to be; `design`: poses and turns that would tell it best.
-- `record`, `bring_in`: other ways to a recording; `body_request`: the joints asked for with it.
+- `record`, `bring_in`, `simulate`: other ways to a recording; `body_request`: the joints asked for with it.
 
 Modules are imported one by one: who evaluates a session need not load what drives an arm.
 """
