@@ -94,13 +94,15 @@ class LostRows:
         """What is said of them; nothing where there are none, or stamps tell of losses."""
         if not self._even or not self._jumps:
             return []
-        known = [own.lost_s for own in self._jumps if own.lost_s > 0]
+        known = float(sum(own.lost_s for own in self._jumps))
+        how_long = f", for about {known:.2g} s in all by how far gravity turned" if known else ""
         return [
             finding(
                 "time.rows_lost",
                 count=len(self._jumps),
                 at_s=self._jumps[0].time_ns / NANOSECONDS,
-                about_s=float(np.sum(known)),
+                about_s=known,
+                how_long=how_long,
             )
         ]
 
