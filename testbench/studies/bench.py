@@ -197,7 +197,6 @@ def _kept(session: Session) -> Result:
     """What a run of another process left."""
     report = session.path / REPORT
     return Result(
-        None,
         session,
         Estimate.load(session.path),
         Evaluation.load(session.path),
