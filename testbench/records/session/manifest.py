@@ -61,6 +61,15 @@ class RunStatus(StrEnum):
     INTERRUPTED = "interrupted"
 
 
+ENDED = {
+    RunStatus.RUNNING: "the recording was not closed",
+    RunStatus.ERROR: "the run ended in an error",
+    RunStatus.INTERRUPTED: "the run was interrupted",
+    RunStatus.ABORTED: "the run was aborted",
+}
+"""How a run ended that is not complete."""
+
+
 class _Part(BaseModel):
     """A part of a manifest; keys that are not named here may be there, and are kept."""
 
