@@ -18,7 +18,7 @@ class OnceCommand(TyperCommand):
         parse = parser.parse_args
 
         def counted(args: list[str]) -> Any:
-            found = parse(args=args)
+            found = parse(args=with_defaults(args))
             given = Counter(id(own) for own in found[2])
             for own in found[2]:
                 single = not (own.multiple or getattr(own, "is_flag", False))
@@ -28,6 +28,21 @@ class OnceCommand(TyperCommand):
 
         parser.parse_args = counted  # type: ignore[method-assign]
         return parser
+
+
+BARE = {"--view": ("native", "web")}
+"""Options whose value may be left away, and their values; the first one is meant then."""
+
+
+def with_defaults(args: list[str]) -> list[str]:
+    """Arguments in which options without their value have it."""
+    whole: list[str] = []
+    for i, word in enumerate(args):
+        whole.append(word)
+        values = BARE.get(word)
+        if values is not None and (i + 1 == len(args) or args[i + 1] not in values):
+            whole.append(values[0])
+    return whole
 
 
 def _times(count: int) -> str:

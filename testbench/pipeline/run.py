@@ -147,6 +147,7 @@ def _options(prepared: Prepared, asked: RunRequest, watcher: Watcher) -> RunOpti
         progress=watcher.progress,
         notify=watcher.notify,
         say=watcher.say,
+        opened=watcher.opened,
     )
 
 

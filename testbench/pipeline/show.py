@@ -9,17 +9,21 @@ from testbench.evaluation import evaluate
 from testbench.exceptions import InputError, SessionError
 from testbench.pipeline.kept_estimate import load_or_estimate
 from testbench.pipeline.request import ViewRequest
+from testbench.pipeline.watcher import Watcher
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.session.layout import EVALUATION_SUMMARY
 from testbench.records.session.session import Session
 
 
-def show(session: Session, asked: ViewRequest | None = None) -> list[Path]:
+def show(
+    session: Session, asked: ViewRequest | None = None, watcher: Watcher | None = None
+) -> list[Path]:
     """Open a session in the viewer, or write what it would show.
 
     Args:
         session: The recording.
         asked: Where it is shown; in a window if None.
+        watcher: Told the address of a page.
 
     Returns:
         The files that were written.
@@ -41,7 +45,14 @@ def show(session: Session, asked: ViewRequest | None = None) -> list[Path]:
         viewer.screenshot(session, screenshot, estimated, evaluated)
     written = [path for path in (save, screenshot) if path is not None]
     if not written:
-        viewer.view(session, web=asked.web, estimate=estimated, evaluation=evaluated)
+        where = viewer.Where(asked.web, asked.port, asked.bind)
+        say = (watcher or Watcher()).say
+
+        def announce(place: str) -> None:
+            if asked.web:
+                say(f"open {place}")
+
+        viewer.view(session, where, estimated, evaluated, announce)
     return written
 
 

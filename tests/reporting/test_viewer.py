@@ -16,9 +16,9 @@ from PIL import Image
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.results.evaluation import ChainRow
 from testbench.records.specs.robot import load_robot
-from testbench.reporting.viewer import process, save_recording, screenshot, view
+from testbench.reporting.viewer import Where, process, save_recording, screenshot, view
 from testbench.reporting.viewer.process import ViewerError
-from testbench.reporting.viewer.recording import _drained
+from testbench.reporting.viewer.recording import drained
 from testbench.reporting.viewer.scene import (
     COLUMN,
     PER_ROW,
@@ -213,14 +213,8 @@ def test_the_viewer_listens_on_this_machine_only_and_reports_no_usage(
     program.chmod(0o755)
     monkeypatch.setattr(process, "viewer_program", lambda: program)
     told: list[str] = []
-    view(
-        quick.session,
-        web=True,
-        estimate=quick.estimate,
-        evaluation=quick.evaluation,
-        web_port=9999,
-        announce=told.append,
-    )
+    where = Where(web=True, port=9999)
+    view(quick.session, where, quick.estimate, quick.evaluation, told.append)
     arguments, settings = note.read_text(encoding="utf-8").split("\n", 1)
     assert arguments.startswith("--bind 127.0.0.1 ")
     assert "--web-viewer-port 9999" in arguments
@@ -381,7 +375,7 @@ def test_the_joints_of_a_chain_are_drawn_with_their_truth_the_worst_first(
 
 def test_a_recorder_that_a_full_disk_stops_is_not_waited_for():
     def recorded() -> None:
-        with _drained(Path("/dev/full")) as pipe, pipe.open("wb") as recorder:
+        with drained(Path("/dev/full")) as pipe, pipe.open("wb") as recorder:
             for _ in range(40):
                 recorder.write(bytes(100_000))
 

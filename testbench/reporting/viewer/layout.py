@@ -13,6 +13,7 @@ from testbench.reporting.viewer.scene import ROW, WORLD, arrangement, column_wid
 from testbench.reporting.viewer.signals import PARTS, chain_joints, told
 from testbench.reporting.viewer.timeline import TIMELINE
 
+BENCH = "bench: true axes red, green, blue; estimated axes in the filter's colour"
 SIGNALS = {
     "rate_deg_s": "angular rate [deg/s]",
     "specific_force_m_s2": "specific force [m/s²]",
@@ -38,9 +39,9 @@ def layout(
         magnetometers: Sensors that have one.
         unjudged: Joints that nothing was judged of, with the label of their own definition.
     """
-    spaces = [_side_by_side(len(session.sensor_names), columns, alone=reach is None)]
+    spaces = [side_by_side(len(session.sensor_names), columns, alone=reach is None)]
     if reach is not None:
-        spaces.insert(0, _bench(reach))
+        spaces.insert(0, bench(reach, BENCH))
     left = rrb.Vertical(*spaces, row_shares=[3, 2][: len(spaces)])
     tabs = [
         *_unjudged_tabs(unjudged),
@@ -69,7 +70,13 @@ def layout(
     )
 
 
-def _bench(reach: float) -> rrb.Spatial3DView:
+def bench(reach: float, name: str) -> rrb.Spatial3DView:
+    """The arm with its sensors.
+
+    Args:
+        reach: The farthest that any sensor comes from the world's origin [m].
+        name: Of the view.
+    """
     eye = rrb.EyeControls3D(
         position=(1.15 * reach, -1.5 * reach, 1.05 * reach),
         look_target=(0, -0.1 * reach, 0.42 * reach),
@@ -77,16 +84,21 @@ def _bench(reach: float) -> rrb.Spatial3DView:
     )
     return rrb.Spatial3DView(
         origin="/",
-        contents=["+ /arm/**", "+ /sensors/**"],
-        name="bench: true axes red, green, blue; estimated axes in the filter's colour",
+        contents=["+ /arm/**", "+ /sensors/**", "+ /path/**"],
+        name=name,
         spatial_information=rrb.SpatialInformation(WORLD),
         eye_controls=eye,
     )
 
 
-def _side_by_side(sensors: int, columns: int, alone: bool) -> rrb.Spatial3DView:
+def side_by_side(sensors: int, columns: int, alone: bool) -> rrb.Spatial3DView:
     """All axes in view, be it wide and low under the bench or narrow and high where there is
     none.
+
+    Args:
+        sensors: How many there are.
+        columns: Axes that stand side by side for one sensor.
+        alone: Whether there is no bench above.
     """
     rows, columns = arrangement(sensors, columns)
     width = column_width(rows, columns)
@@ -112,8 +124,8 @@ def _joint_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:
         rows = [row for row in evaluation.joint_angle if row.joint == joint] if evaluation else []
         for sequence in dict.fromkeys(row.sequence for row in rows):
             path = f"/joints/{joint}/{sequence}"
-            flexion = _plot("flexion [deg], true and estimated", [f"+ {path}/flexion"])
-            error = _plot("flexion error [deg]", [f"+ {path}/error"])
+            flexion = plot("flexion [deg], true and estimated", [f"+ {path}/flexion"])
+            error = plot("flexion error [deg]", [f"+ {path}/error"])
             tabs.append(rrb.Vertical(flexion, error, name=f"{joint} {sequence}"))
     return tabs
 
@@ -121,7 +133,7 @@ def _joint_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:
 def _unjudged_tabs(joints: Mapping[str, str]) -> list[rrb.Container]:
     """The flexion of joints without a truth, all in one tab."""
     plots = [
-        _plot(f"{name}: flexion [deg], {label}", [f"+ /joints/{name}/{label}/flexion"])
+        plot(f"{name}: flexion [deg], {label}", [f"+ /joints/{name}/{label}/flexion"])
         for name, label in joints.items()
     ]
     return [rrb.Vertical(*plots, name="joint angles")] if plots else []
@@ -133,7 +145,7 @@ def _chain_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:
     return [
         rrb.Vertical(
             *(
-                _plot(f"{joint}, {title} [deg]", [f"+ /chain/{section}/{joint}/{kind}"])
+                plot(f"{joint}, {title} [deg]", [f"+ /chain/{section}/{joint}/{kind}"])
                 for joint in joints
             ),
             name=f"{section} {kind}s",
@@ -149,7 +161,7 @@ def _orientation_tabs(evaluation: Evaluation | None) -> list[rrb.Container]:
     )
     return [
         rrb.Vertical(
-            *(_plot(f"{part} error [deg]", [f"+ /errors/{name}/{part}"]) for part in PARTS),
+            *(plot(f"{part} error [deg]", [f"+ /errors/{name}/{part}"]) for part in PARTS),
             name=f"{name} error",
         )
         for name in sensors
@@ -161,17 +173,30 @@ def _imu_tab(name: str, magnetometer: bool) -> rrb.Container:
         key: title for key, title in SIGNALS.items() if magnetometer or key != "magnetic_field_uT"
     }
     return rrb.Vertical(
-        *(_plot(title, [f"+ /imu/{name}/{key}"]) for key, title in signals.items()),
+        *(plot(title, [f"+ /imu/{name}/{key}"]) for key, title in signals.items()),
         name=f"{name} signals",
     )
 
 
-def _plot(name: str, contents: list[str]) -> rrb.TimeSeriesView:
+def plot(name: str, contents: list[str], window_s: float | None = None) -> rrb.TimeSeriesView:
+    """Lines over time.
+
+    Args:
+        name: Of the plot.
+        contents: Entities, as the viewer's queries spell them.
+        window_s: Only so much before the instant that is shown [s]; everything if None.
+    """
+    window = None
+    if window_s is not None:
+        begin = rrb.TimeRangeBoundary.cursor_relative(seconds=-window_s)
+        end = rrb.TimeRangeBoundary.cursor_relative()
+        window = [rrb.VisibleTimeRange(TIMELINE, start=begin, end=end)]
     return rrb.TimeSeriesView(
         origin="/",
         contents=contents,
         name=name,
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+        time_ranges=window,
     )
 
 

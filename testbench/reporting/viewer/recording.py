@@ -92,7 +92,7 @@ def write_recording(
         evaluation = evaluation or load_evaluation(session)
     arm = session.arm()
     recording = rr.RecordingStream("testbench", recording_id=session.name, send_properties=False)
-    with _drained(file) as pipe, recording:
+    with drained(file) as pipe, recording:
         try:
             recording.save(pipe)
             _log(recording, session, estimate, evaluation, arm)
@@ -101,7 +101,7 @@ def write_recording(
 
 
 @contextmanager
-def _drained(file: Path) -> Iterator[Path]:
+def drained(file: Path) -> Iterator[Path]:
     """The end of a pipe to write to, whose content is written to a file.
 
     The recorder waits for ever for a disk that is full, or ends without saying so: it is given

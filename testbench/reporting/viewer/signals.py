@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import rerun as rr
@@ -12,14 +12,17 @@ from testbench.records.findings.finding import Finding, Severity, told_once
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.session.layout import chain_table, joint_table, orientation_table
+from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import ImuSamples
-from testbench.records.session.session import Session
+from testbench.records.session.session import Event, Session
 from testbench.reporting.page.palette import COLOURS, REFERENCE, filter_colours, rgb
 from testbench.reporting.viewer.timeline import every, send
 
 ERROR_RATE = 20.0
 """Rate of the error signals [Hz]."""
 AXIS_COLOURS = ((230, 70, 70), (60, 160, 60), (70, 110, 240))
+LEVELS = {"run_error": "ERROR", "run_aborted": "ERROR", "run_interrupted": "WARN", "guard": "WARN"}
+"""Of events that somebody should see, by kind."""
 PHASES = {"move": "#5b6f8a", "dwell": "#2b333d", "sweep": "#a8641c"}
 MOST_JOINTS = 4
 """Joints of a chain that one tab has room for."""
@@ -204,48 +207,66 @@ def log_steps(
     states.
     """
     findings = told(session, evaluation)
-    times = [0] * len(findings)
-    texts = [str(found) for found in findings]
-    levels = ["WARN" if found.severity is Severity.WARNING else "INFO" for found in findings]
-    for event in session.events:
-        text = _sentence(event.event, event.details)
-        if text:
-            times.append(event.host_time_ns)
-            texts.append(text)
-            levels.append(
-                {"run_error": "ERROR", "run_aborted": "ERROR", "run_interrupted": "WARN"}.get(
-                    event.event, "INFO"
-                )
-            )
-    if times:
-        send(recording, "events", np.array(times), rr.TextLog.columns(text=texts, level=levels))
+    if findings:
+        texts = [str(found) for found in findings]
+        levels = ["WARN" if found.severity is Severity.WARNING else "INFO" for found in findings]
+        lines = rr.TextLog.columns(text=texts, level=levels)
+        send(recording, "events", np.zeros(len(texts), dtype=np.int64), lines)
+    send_events(recording, session.events)
     steps = session.steps
-    if not steps:
-        return
+    if steps:
+        name_sections(recording, [step.section for step in steps])
+        send_steps(recording, steps)
+
+
+def send_events(recording: rr.RecordingStream, events: Sequence[Event]) -> None:
+    """A line of text for each event that says something."""
+    told = [(event, text) for event in events if (text := _sentence(event.event, event.details))]
+    if told:
+        times = np.array([event.host_time_ns for event, _ in told])
+        levels = [LEVELS.get(event.event, "INFO") for event, _ in told]
+        lines = rr.TextLog.columns(text=[text for _, text in told], level=levels)
+        send(recording, "events", times, lines)
+
+
+def name_sections(recording: rr.RecordingStream, sections: Iterable[str]) -> None:
+    """The colours of a protocol's sections and phases, before `send_steps`."""
+    names = dict.fromkeys(sections)
+    colours = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
+    _name_states(recording, "state/section", colours)
+    _name_states(recording, "state/phase", PHASES)
+
+
+def send_steps(recording: rr.RecordingStream, steps: Sequence[PlannedStep]) -> None:
+    """The sections and phases of steps, with the times at which they happened."""
+    sections = [None, *(step.section for step in steps)]
     starts = [
-        step for i, step in enumerate(steps) if i == 0 or step.section != steps[i - 1].section
+        (step.start_ns, step.section)
+        for last, step in zip(sections, steps, strict=False)
+        if step.section != last
     ]
-    changes = rr.StateChange.columns(state=[step.section for step in starts])
-    sections = list(dict.fromkeys(step.section for step in starts))
-    _name_states(
-        recording,
-        "state/section",
-        {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(sections)},
-    )
-    send(recording, "state/section", np.array([step.start_ns for step in starts]), changes)
+    send_states(recording, "section", starts)
     phases: list[tuple[int, str]] = []
     for step in steps:
         if step.settled_ns > step.start_ns:
-            phases.append((step.start_ns, "sweep" if step.kind == "sweep" else "move"))
+            phases.append((step.start_ns, moving_phase(step.kind)))
         if step.end_ns > step.settled_ns:
             phases.append((step.settled_ns, "dwell"))
-    _name_states(recording, "state/phase", PHASES)
-    send(
-        recording,
-        "state/phase",
-        np.array([t for t, _ in phases]),
-        rr.StateChange.columns(state=[name for _, name in phases]),
-    )
+    send_states(recording, "phase", phases)
+
+
+def moving_phase(kind: str) -> str:
+    """What the first part of a step of a kind is called."""
+    return "sweep" if kind == "sweep" else "move"
+
+
+def send_states(
+    recording: rr.RecordingStream, which: str, states: Sequence[tuple[int, str]]
+) -> None:
+    """From when on [ns] "section" or "phase" was what."""
+    if states:
+        changes = rr.StateChange.columns(state=[name for _, name in states])
+        send(recording, f"state/{which}", np.array([t for t, _ in states]), changes)
 
 
 def _name_states(recording: rr.RecordingStream, path: str, colours: dict[str, str]) -> None:
@@ -265,16 +286,44 @@ def _sentence(event: str, details: dict[str, object]) -> str:
     return event.replace("_", " ") + (f": {rest}" if rest else "")
 
 
+def style_vector(recording: rr.RecordingStream, path: str) -> None:
+    """Three lines of one plot: the axes of a sensor."""
+    lines = rr.SeriesLines(names=["x", "y", "z"], colors=AXIS_COLOURS, widths=[1.2] * 3)
+    recording.log(path, lines, static=True)
+
+
+def send_rows(
+    recording: rr.RecordingStream, path: str, time_ns: np.ndarray, values: np.ndarray
+) -> None:
+    """Points of the lines of one plot.
+
+    Args:
+        recording: To write to.
+        path: Of the plot.
+        time_ns: Host times, shape (n,) [ns].
+        values: One column a line, shape (n, k).
+    """
+    columns = rr.Scalars.columns(scalars=values.ravel()).partition(
+        np.full(len(values), values.shape[1])
+    )
+    send(recording, path, time_ns, columns)
+
+
 def _log_vector(
     recording: rr.RecordingStream, path: str, time_ns: np.ndarray, values: np.ndarray
 ) -> None:
-    recording.log(
-        path,
-        rr.SeriesLines(names=["x", "y", "z"], colors=AXIS_COLOURS, widths=[1.2] * 3),
-        static=True,
+    style_vector(recording, path)
+    send_rows(recording, path, time_ns, values)
+
+
+def style_lines(
+    recording: rr.RecordingStream, path: str, names: Sequence[str], colours: Mapping[str, str]
+) -> None:
+    """The lines of one plot, by name."""
+    style = rr.SeriesLines(
+        names=list(names), colors=[rgb(colours[name]) for name in names], widths=[1.4] * len(names)
     )
-    columns = rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), 3))
-    send(recording, path, time_ns, columns)
+    recording.log(path, style, static=True)
 
 
 def _log_lines(
@@ -293,13 +342,5 @@ def _log_lines(
         return
     chosen = slice(begin, None, every(time_ns, ERROR_RATE).step)
     values = np.degrees(np.column_stack([line[chosen] for line in lines.values()]))
-    style = rr.SeriesLines(
-        names=list(lines), colors=[rgb(colours[name]) for name in lines], widths=[1.4] * len(lines)
-    )
-    recording.log(path, style, static=True)
-    send(
-        recording,
-        path,
-        time_ns[chosen],
-        rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), len(lines))),
-    )
+    style_lines(recording, path, list(lines), colours)
+    send_rows(recording, path, time_ns[chosen], values)
