@@ -22,14 +22,20 @@ from testbench.records.session.session import Session
 from testbench.records.specs.protocol import Sensor
 from testbench.records.specs.robot import Robot
 from testbench.reporting.page.palette import rgb
-from testbench.reporting.viewer.timeline import changing, every, send
+from testbench.reporting.viewer.timeline import departing, every, send
 
 WORLD = "bench"
 ARM_RATE, AXES_RATE = 50.0, 20.0
 """Rates of what moves [Hz]."""
 SIDE_BY_SIDE_LENGTH = 0.15
-STILL = 2e-5
-"""A joint that moves less than this between two instants stands still [rad]."""
+STILL = 1e-4
+"""A joint is drawn anew once it is off by more than this [rad]."""
+TURNED = 2e-3
+"""Axes are drawn anew once a part of their quaternion is off by more than this, a quarter of a
+degree turned and less than a pixel, or their place by as many metres.
+"""
+MOST_POSES = 20_000
+"""Of one body, over the whole of a long recording."""
 TRUE_AXES = ((230, 60, 60), (60, 170, 60), (70, 110, 240))
 TRUE_LENGTH, ESTIMATED_LENGTH = 0.12, 0.085
 ROW, COLUMN = 0.4, 0.4
@@ -78,14 +84,14 @@ class DrawnArm:
         for column, (name, joint) in enumerate(self._joints):
             if joint is None or not len(q):
                 continue
-            rows = changing(q[:, [column]], STILL)
+            rows = departing(q[:, [column]], STILL)
             transforms = joint.compute_transform_columns(q[rows, column].tolist(), clamp=False)
             send(self._recording, f"arm/joints/{name}", time_ns[rows], transforms)
 
 
 def log_arm(recording: rr.RecordingStream, robot: Robot, samples: ArmSamples) -> None:
     """The arm as its joints were measured."""
-    shown = every(samples.host_time_ns, ARM_RATE)
+    shown = every(samples.host_time_ns, ARM_RATE, MOST_POSES)
     DrawnArm(recording, robot).move(samples.host_time_ns[shown], samples.q_measured[shown])
 
 
@@ -159,7 +165,7 @@ def log_estimated_sensor(
     )
     if robot is None or sensor is None or own is None or not own.orientation:
         return
-    time = own.host_time_ns[every(own.host_time_ns, AXES_RATE)]
+    time = own.host_time_ns[every(own.host_time_ns, AXES_RATE, MOST_POSES)]
     q = np.column_stack(
         [
             np.interp(time, arm.host_time_ns, arm.q_measured[:, i])
@@ -172,7 +178,7 @@ def log_estimated_sensor(
         .position
     )
     for key, orientation in own.orientation.items():
-        shown = orientation[every(own.host_time_ns, AXES_RATE)]
+        shown = orientation[every(own.host_time_ns, AXES_RATE, MOST_POSES)]
         path = f"sensors/{name}/estimated/{key}"
         log_moving_axes(
             recording, path, time, shown, position, ESTIMATED_LENGTH, [rgb(colours[key])] * 3
@@ -258,8 +264,8 @@ def log_side_by_side(
         axes += [(key, own.host_time_ns, q) for key, q in found.items()] if own else []
         for i, (key, time, q) in enumerate(axes):
             place, beneath = cells.places(sensor, i)
-            labels.append((f"{name}, true" if key == "true" else key, beneath))
-            chosen = every(time, AXES_RATE)
+            labels.append((f"{name}: {key}" if i == 0 else key, beneath))
+            chosen = every(time, AXES_RATE, MOST_POSES)
             known = np.isfinite(q[chosen]).all(axis=1)
             log_moving_axes(
                 recording,
@@ -332,7 +338,7 @@ def send_poses(
     """
     if not len(time_ns):
         return
-    rows = changing(np.column_stack([q_world_from_sensor, position]), STILL)
+    rows = departing(np.column_stack([q_world_from_sensor, position]), TURNED)
     q = np.roll(q_world_from_sensor[rows], -1, axis=1)  # rerun wants x, y, z, w
     columns = rr.Transform3D.columns(
         translation=position[rows],
