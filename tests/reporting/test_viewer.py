@@ -16,21 +16,29 @@ from PIL import Image
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.results.evaluation import ChainRow
 from testbench.records.specs.robot import load_robot
-from testbench.reporting.viewer import Picture, Where, process, save_recording, screenshot, view
+from testbench.reporting.viewer import (
+    Picture,
+    Where,
+    process,
+    save_recording,
+    screenshot,
+    timeline,
+    view,
+)
 from testbench.reporting.viewer.process import ViewerError
 from testbench.reporting.viewer.recording import drained
 from testbench.reporting.viewer.scene import (
     COLUMN,
-    PER_ROW,
+    MOST_ROWS,
     ROW,
     WIDE,
-    arrangement,
+    Cells,
+    axes_each,
     column_width,
     viewable_urdf,
 )
 from testbench.reporting.viewer.signals import chain_joints
 from testbench.reporting.viewer.timeline import (
-    MOST_ROWS,
     TIMELINE,
     departing,
     every,
@@ -170,11 +178,11 @@ def test_rates_are_brought_down_and_the_rows_of_long_recordings_bounded() -> Non
 
 
 def test_lines_of_long_plots_keep_their_extremes() -> None:
-    time = np.arange(10 * MOST_ROWS) * 10_000_000
+    time = np.arange(10 * timeline.MOST_ROWS) * 10_000_000
     lines = np.zeros((len(time), 3))
     lines[123_456, 1], lines[222_222, 2] = 7.0, -3.0
     times, fewer = extremes(time, lines)
-    assert len(times) == len(fewer) == MOST_ROWS
+    assert len(times) == len(fewer) == timeline.MOST_ROWS
     assert fewer[:, 1].max() == 7.0
     assert fewer[:, 2].min() == -3.0
     assert abs(times[np.argmax(fewer[:, 1])] - time[123_456]) < 200_000_000
@@ -366,10 +374,21 @@ def test_columns_move_apart_where_many_rows_make_the_axes_small() -> None:
             assert width == COLUMN or width * columns <= WIDE * ROW * rows + 1e-9
 
 
-def test_many_axes_go_on_in_the_next_row() -> None:
-    assert arrangement(2, 5) == (2, 5)
-    assert arrangement(2, 11) == (4, PER_ROW)
-    assert arrangement(0, 1) == (1, 1)
+def test_names_stand_apart_from_axes_and_from_one_another() -> None:
+    for sensors, axes in ((2, 12), (1, 5), (7, 3), (40, 2)):
+        cells = Cells(sensors, axes_each(sensors, axes))
+        found = [cells.places(s, a) for s in range(sensors) for a in range(cells.axes)]
+        for points in zip(*found, strict=True):
+            apart = np.abs(np.array(points)[:, None] - np.array(points)[None]).max(axis=-1)
+            assert apart[~np.eye(len(apart), dtype=bool)].min() > 0.2
+        assert all(np.abs(place - name).max() > 0.1 for place, name in found)
+        assert cells.rows <= MOST_ROWS and cells.rows * cells.columns >= sensors
+
+
+def test_of_many_filters_and_sensors_there_is_room_for_some_axes() -> None:
+    assert (axes_each(2, 12), axes_each(2, 3), axes_each(9, 12), axes_each(40, 12)) == (5, 3, 2, 1)
+    forty = Cells(40, 1)
+    assert (forty.rows, forty.columns) == (8, 5)
 
 
 def test_the_joints_of_a_chain_are_drawn_with_their_truth_the_worst_first(

@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 
 from testbench.exceptions import NotFoundError
 from testbench.records.results.evaluation import Evaluation
-from testbench.reporting.viewer.scene import ROW, WORLD, arrangement, column_width
+from testbench.reporting.viewer.scene import ROW, WORLD, Cells
 from testbench.reporting.viewer.signals import PARTS, SIGNALS, chain_joints
 from testbench.reporting.viewer.timeline import TIMELINE
 
@@ -173,10 +173,10 @@ def side_by_side(sensors: int, columns: int, alone: bool, name: str) -> rrb.Spat
         alone: Whether there is no bench above.
         name: Of the view.
     """
-    rows, columns = arrangement(sensors, columns)
-    width = column_width(rows, columns)
-    middle = (0.0, width * (columns - 1) / 2, -ROW * (rows - 1) / 2 - 0.05)
-    distance = max((1.6 if alone else 0.62) * width * columns, 1.25 * ROW * rows, 1.0)
+    cells = Cells(sensors, columns)
+    wide, high = cells.width * cells.columns, ROW * cells.rows
+    middle = (0.0, (wide - cells.width) / 2, -(high - ROW) / 2 - 0.05)
+    distance = max((1.6 if alone else 0.62) * wide, 1.25 * high, 1.0)
     return rrb.Spatial3DView(
         origin="/",
         contents=["+ /orientations/**"],

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import rerun.blueprint as rrb
 
 from testbench.reporting.viewer.layout import bench, plot, side_by_side
+from testbench.reporting.viewer.scene import axes_each
 from testbench.reporting.viewer.signals import SIGNALS
 from testbench.reporting.viewer.timeline import TIMELINE
 
@@ -47,7 +48,7 @@ def live_layout(content: LiveContent) -> rrb.Blueprint:
     space = (
         bench(content.reach, "bench: true axes red, green, blue; filters in their colours")
         if content.reach is not None
-        else side_by_side(len(content.sensors), content.axes, True, "orientations, as estimated")
+        else _beside_one_another(content)
     )
     state = rrb.TextDocumentView(origin="/live/state", name="now")
     left = rrb.Vertical(space, state, row_shares=[3, 2])
@@ -90,6 +91,13 @@ def live_layout(content: LiveContent) -> rrb.Blueprint:
         auto_views=False,
         auto_layout=False,
     )
+
+
+def _beside_one_another(content: LiveContent) -> rrb.Spatial3DView:
+    """The axes of sensors that no arm carries."""
+    sensors = len(content.sensors)
+    name = "orientations, as estimated"
+    return side_by_side(sensors, axes_each(sensors, content.axes), True, name)
 
 
 def _signals(name: str, keys: Sequence[str]) -> rrb.Container:

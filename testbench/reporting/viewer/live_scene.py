@@ -22,6 +22,7 @@ from testbench.reporting.viewer.scene import (
     WORLD,
     Cells,
     DrawnArm,
+    axes_each,
     log_axes,
     log_mounted_sensor,
     log_names,
@@ -188,7 +189,10 @@ class LiveScene:
         """
         rows = self._rows(f"axes/{sensor}", time_ns, AXES_RATE)
         place = self._content.sensors.index(sensor)
-        cells = Cells(len(self._content.sensors), self._content.axes)
+        sensors = self._content.sensors
+        cells = Cells(len(sensors), axes_each(len(sensors), self._content.axes))
+        if position is None:
+            estimated = dict(list(estimated.items())[: cells.axes])
         where = f"sensors/{sensor}/estimated" if position is not None else f"orientations/{sensor}"
         new = self._styled.get(where) != list(estimated)
         self._styled[where] = list(estimated)

@@ -25,11 +25,13 @@ from testbench.reporting.viewer.layout import Content, layout, reach_of
 from testbench.reporting.viewer.marks import has_judged, log_marks, unsound_sensors
 from testbench.reporting.viewer.scene import (
     WORLD,
+    axes_each,
     log_arm,
     log_estimated_sensor,
     log_mounted_sensor,
     log_side_by_side,
 )
+from testbench.reporting.viewer.shown_first import by_orientation
 from testbench.reporting.viewer.signals import (
     log_chain,
     log_errors,
@@ -155,7 +157,19 @@ class _Seen:
             (truth is not None) + len(sensors[name].orientation if name in sensors else ())
             for name, truth in self.truths.items()
         ]
-        return max(axes, default=0)
+        return axes_each(len(axes), max(axes, default=0))
+
+    @property
+    def orders(self) -> dict[str, list[str]]:
+        """The filters of each sensor: the best, the worst, then the others, as far as that is
+        known.
+        """
+        found = {}
+        for name, own in self.estimate.sensors.items() if self.estimate is not None else ():
+            known = by_orientation(self.evaluation, name) if self.evaluation is not None else []
+            ranked = [key for key in known if key in own.orientation]
+            found[name] = list(dict.fromkeys([*ranked, *own.orientation]))
+        return found
 
     @property
     def colours(self) -> dict[str, str]:
@@ -227,7 +241,7 @@ def _log(recording: rr.RecordingStream, seen: _Seen) -> None:
             log_mounted_sensor(recording, name, sensor)
             if estimate is not None:
                 log_estimated_sensor(recording, session, name, estimate, seen.arm, colours)
-    log_side_by_side(recording, seen.truths, estimate, colours, seen.columns)
+    log_side_by_side(recording, seen.truths, estimate, colours, seen.columns, seen.orders)
     for name, own in seen.samples.items():
         log_imu(recording, name, own, estimate)
     unjudged = unjudged_joints(session, estimate, evaluation)
