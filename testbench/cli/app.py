@@ -9,6 +9,7 @@ import typer
 
 from testbench.cli.auditing import audit
 from testbench.cli.calibrating import calibrate, calibrations
+from testbench.cli.certifying import certificate
 from testbench.cli.comparing import compare
 from testbench.cli.describing import say_description, say_plateaus
 from testbench.cli.designing import design
@@ -175,6 +176,7 @@ app.command()(simulate)
 app.command()(audit)
 app.command()(calibrate)
 app.command()(calibrations)
+app.add_typer(certificate, name="certificate")
 app.add_typer(emulate, name="emulate")
 app.command()(design)
 app.command()(study)

@@ -5,6 +5,7 @@
   `resume`, `kept_analysis`.
 - `analyse`: estimate, evaluate and report a recording; with `loaded_analysis`, `kept_estimate`,
   `repeats`, `summaries`; `gait`: reckon a walk; `audit`: sampling and axes of its sensors.
+- `certificate`: issue a certificate of it.
 - `compare`: two sides of sessions, which `sides` finds.
 - `show`: look at a recording; `exports`: write it for other programs.
 - `follow`: look at one while another process makes it, with `live_session`, `live_sensor`,

@@ -15,6 +15,7 @@ from pydantic import Field
 from testbench.drivers.arms.catalogue import SIM
 from testbench.model.integrators import Stages
 from testbench.records.specs.asked import Asked, Place
+from testbench.records.specs.laboratory import Statement
 from testbench.records.specs.strict import EulerSequence
 
 
@@ -260,6 +261,33 @@ class NoiseRequest(Asked):
         default=None,
         description="Preset, by name or file, that gives what a rest cannot show, such as ranges; "
         "that of the session's protocol if null.",
+    )
+
+
+class CertificateRequest(Asked):
+    """A certificate of a session: of what, by whom, and where it is kept."""
+
+    kind: Literal["noise", "calibration", "test"] = Field(description="What it is of.")
+    sensor: str | None = Field(
+        default=None,
+        description="Its name; may be null where the session has one, and of a test.",
+    )
+    calibration: Place | None = Field(
+        default=None,
+        description="Stored calibration that was made from the session, or a folder with it; "
+        "calibrated anew if null.",
+    )
+    analysis: AnalysisRequest = Field(
+        default=AnalysisRequest(), description="How a session is analysed that is tested."
+    )
+    laboratory: Place | None = Field(
+        default=None, description="File of laboratory data; the user's own if null."
+    )
+    stated: Statement = Field(default=Statement(), description="What is stated beside it.")
+    pdf: bool = Field(default=False, description="Whether to set its pages as well.")
+    out: Place | None = Field(
+        default=None,
+        description="PDF file, whose JSON lies beside it; one in the session's folder if null.",
     )
 
 
