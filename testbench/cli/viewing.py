@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import asdict
 from enum import StrEnum
@@ -66,6 +67,21 @@ def view(
     screenshot: Annotated[
         Path | None, typer.Option("--screenshot", help="Write a .png instead, without a screen.")
     ] = None,
+    time: Annotated[
+        float | None,
+        typer.Option("--time", metavar="S", help="Of the picture, from the start of the session."),
+    ] = None,
+    size: Annotated[
+        str, typer.Option("--size", metavar="WxH", help="Of the picture, in pixels.")
+    ] = "1920x1200",
+    pane: Annotated[
+        str | None,
+        typer.Option(
+            "--view",
+            metavar="NAME",
+            help="Only one pane, in picture and file: bench, orientations, or a tab by its name.",
+        ),
+    ] = None,
     with_run: Annotated[bool, typer.Option("--with-run", hidden=True)] = False,
     no_verify: NoVerifyOption = False,
     json: JsonOption = False,
@@ -74,11 +90,18 @@ def view(
     from testbench.pipeline.request import ViewRequest
 
     asked = ViewRequest(
-        web=web, port=port, bind=bind, save=optional(save), screenshot=optional(screenshot)
+        web=web,
+        port=port,
+        bind=bind,
+        save=optional(save),
+        screenshot=optional(screenshot),
+        time_s=time,
+        size=_size(size),
+        pane=pane,
     )
     if follow:
         return _follow(session, asked, with_run, json)
-    from testbench.pipeline.show import show
+    from testbench.pipeline.show import opens_in, show
     from testbench.pipeline.watcher import Watcher
 
     opened = session_of(session, no_verify)
@@ -87,8 +110,22 @@ def view(
         say_json({"session": str(opened.path), "files": [str(path) for path in written]})
     else:
         for path in written:
-            say(f"written: {path}")
+            say(f"written: {path}{opens_in(path)}")
     return None
+
+
+def _size(text: str) -> tuple[int, int]:
+    """Width and height of `WxH`.
+
+    Raises:
+        InputError: It is not written so.
+    """
+    from testbench.exceptions import InputError
+
+    found = re.fullmatch(r"(\d{3,4})x(\d{3,4})", text)
+    if found is None or not all(200 <= int(side) <= 8000 for side in found.groups()):
+        raise InputError(f"--size {text}: must be WxH, 200 to 8000 each, such as 1920x1200")
+    return int(found[1]), int(found[2])
 
 
 def _follow(session: Path, asked: ViewRequest, with_run: bool, json: bool) -> None:
@@ -96,6 +133,7 @@ def _follow(session: Path, asked: ViewRequest, with_run: bool, json: bool) -> No
     from testbench.exceptions import InputError
     from testbench.pipeline.follow import follow
     from testbench.pipeline.request import FollowRequest
+    from testbench.pipeline.show import opens_in
     from testbench.pipeline.watcher import Watcher
 
     if asked.screenshot is not None:
@@ -107,7 +145,7 @@ def _follow(session: Path, asked: ViewRequest, with_run: bool, json: bool) -> No
     if with_run:  # who recorded it has said more
         return None
     if found.written is not None:
-        say(f"written: {found.written}")
+        say(f"written: {found.written}{opens_in(found.written)}")
     if found.end == "cut off":
         return say(
             f"cut off: shown to its last sample, at {found.last_s:.1f} s; `testbench recover "

@@ -70,10 +70,8 @@ def wrapped_rows(column: np.ndarray, low: float, high: float) -> np.ndarray:
         return jumps
     # a jump down is one over the top, or back from beyond the bottom: as few rows as may be are
     # taken for wrapped ones
-    passed = -np.cumsum(np.sign(step[jumps]))
-    edges = np.concatenate([[0], jumps + 1, [len(column)]])
-    lengths = np.diff(edges)
-    states = np.array([np.append(0, passed) + begun for begun in (-1, 0, 1)])
-    rows = np.where(np.abs(states) > 1, len(column) + 1, (states != 0).astype(int)) @ lengths
-    state = np.repeat(states[int(np.argmin(rows))], lengths)
-    return np.flatnonzero(state != 0)
+    passed = np.append(0, -np.cumsum(np.sign(step[jumps])))
+    lengths = np.diff(np.concatenate([[0], jumps + 1, [len(column)]]))
+    rows = [int(lengths[passed != begun].sum()) for begun in np.unique(passed)]
+    begun = np.unique(passed)[int(np.argmin(rows))]
+    return np.flatnonzero(np.repeat(passed != begun, lengths))

@@ -94,13 +94,15 @@ class LostRows:
         """What is said of them; nothing where there are none, or stamps tell of losses."""
         if not self._even or not self._jumps:
             return []
-        known = [own.lost_s for own in self._jumps if own.lost_s > 0]
+        known = float(sum(own.lost_s for own in self._jumps))
+        how_long = f", for about {known:.2g} s in all by how far gravity turned" if known else ""
         return [
             finding(
                 "time.rows_lost",
                 count=len(self._jumps),
                 at_s=self._jumps[0].time_ns / NANOSECONDS,
-                about_s=float(np.sum(known)),
+                about_s=known,
+                how_long=how_long,
             )
         ]
 
@@ -120,7 +122,7 @@ def find_jumps(gyr: np.ndarray, acc: np.ndarray, step_s: float) -> list[tuple[in
     with np.errstate(invalid="ignore"):
         rows = np.flatnonzero((sizes[0] > LEAST_RATE) & (sizes[1] > LEAST_FORCE))
     found = []
-    for at in rows:
+    for at in rows.tolist():
         away = np.concatenate([np.arange(at - FAR, at - NEAR + 1), np.arange(at + NEAR, at + FAR)])
         away = away[(away >= 0) & (away < len(rate))]
         beside = np.arange(max(at - 2, 0), min(at + 3, len(rate)))
@@ -129,7 +131,7 @@ def find_jumps(gyr: np.ndarray, acc: np.ndarray, step_s: float) -> list[tuple[in
             for size in sizes
         ):
             continue
-        row = int(at) + SIDE - 1
+        row = at + SIDE - 1
         lost_s = _lost_for(gyr, acc, row, force[at])
         speed = float(np.linalg.norm(gyr[row - 1 : row + 3].mean(axis=0)))
         if speed * max(lost_s, step_s) > LEAST_TURN:
@@ -139,13 +141,13 @@ def find_jumps(gyr: np.ndarray, acc: np.ndarray, step_s: float) -> list[tuple[in
 
 def _may_jump(gyr: np.ndarray, acc: np.ndarray) -> bool:
     """Whether any two rows differ by enough; most recordings at rates of hundreds have none."""
-    far: np.ndarray | bool = True
+    far = np.ones(len(gyr) - 1, dtype=bool)
     for readings, least in ((gyr, LEAST_RATE), (acc, LEAST_FORCE)):
-        change: np.ndarray | float = 0.0
+        change = np.zeros(len(far))
         for column in readings.T:
-            change = np.fmax(change, np.abs(np.diff(column)))
-        far = far & (change > least / 2)
-    return bool(np.any(far))
+            np.fmax(change, np.abs(np.diff(column)), out=change)
+        far &= change > least / 2
+    return bool(far.any())
 
 
 def _jumps(readings: np.ndarray) -> np.ndarray:

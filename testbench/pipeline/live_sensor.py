@@ -118,14 +118,19 @@ class LiveSensor:
         self.running = RunningOrientation()
         self._begun = 0
         self._waiting: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
+        self._times: list[np.ndarray] = []
         self._delays: deque[tuple[int, int]] = deque()
         self._arrivals = np.zeros(0, dtype=np.int64)
         self._counter: int | None = None
         self.count = self.lost = 0
         self.last_ns = 0
 
-    def take(self, samples: ImuSamples) -> None:
-        """Samples behind those of the call before."""
+    def take(self, samples: ImuSamples) -> np.ndarray:
+        """Samples behind those of the call before.
+
+        Returns:
+            When they were taken, host time by the earliest arrivals, shape (n,) [ns].
+        """
         self.count += len(samples)
         counters = (
             samples.counter if self._counter is None else np.r_[self._counter, samples.counter]
@@ -134,12 +139,16 @@ class LiveSensor:
         self._counter, self.last_ns = int(samples.counter[-1]), int(samples.host_time_ns[-1])
         arrivals = np.concatenate([self._arrivals, samples.host_time_ns])
         self._arrivals = arrivals[arrivals > self.last_ns - RATE_NS]
+        time_ns = self._host_times(samples)
+        self._times.append(time_ns)
         ready, orientations = self.filters.take(samples)
         if self.filters.begun != self._begun:
             self._begun = self.filters.begun
             self.running.forget()
         if ready is not None:
-            self._waiting.append((self._host_times(ready), orientations))
+            self._waiting.append((np.concatenate(self._times), orientations))
+            self._times = []
+        return time_ns
 
     @property
     def rate_hz(self) -> float:

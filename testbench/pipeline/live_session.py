@@ -123,8 +123,7 @@ class LiveSession:
             self.scene.arm(news.arm)
             self.last_ns = max(self.last_ns, int(news.arm.host_time_ns[-1]))
         for name, samples in news.imus.items():
-            self.sensors[name].take(samples)
-            self.scene.imu(name, samples)
+            self.scene.imu(name, samples, self.sensors[name].take(samples))
             self.last_ns = max(self.last_ns, int(samples.host_time_ns[-1]))
         for event in news.events:
             self._note(event)

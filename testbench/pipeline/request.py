@@ -8,7 +8,7 @@ a real arm to do is a `Consent`, given for one run and never stored. Files are n
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -173,6 +173,16 @@ class ViewRequest(Asked):
     )
     save: Place | None = Field(default=None, description="A .rrd file to write instead.")
     screenshot: Place | None = Field(default=None, description="A .png file to write instead.")
+    time_s: float | None = Field(
+        default=None,
+        description="Instant of the picture [s]; two thirds into the longest section if null.",
+    )
+    size: tuple[Annotated[int, Field(ge=200, le=8000)], Annotated[int, Field(ge=200, le=8000)]] = (
+        Field(default=(1920, 1200), description="Width and height of the picture [pixels].")
+    )
+    pane: str | None = Field(
+        default=None, description="The one pane that is shown, by its name; all if null."
+    )
 
 
 class FollowRequest(Asked):

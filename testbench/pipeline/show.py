@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from importlib.metadata import version
 from pathlib import Path
 
 from testbench.evaluation import evaluate
@@ -40,9 +41,10 @@ def show(
     estimated = load_or_estimate(session)
     evaluated = _stored_evaluation(session) or evaluate(session, estimated)
     if save is not None:
-        viewer.save_recording(session, save, estimated, evaluated)
+        viewer.save_recording(session, save, estimated, evaluated, asked.pane)
     if screenshot is not None:
-        viewer.screenshot(session, screenshot, estimated, evaluated)
+        picture = viewer.Picture(asked.time_s, asked.size, asked.pane)
+        viewer.screenshot(session, screenshot, estimated, evaluated, picture)
     written = [path for path in (save, screenshot) if path is not None]
     if not written:
         where = viewer.Where(asked.web, asked.port, asked.bind)
@@ -54,6 +56,12 @@ def show(
 
         viewer.view(session, where, estimated, evaluated, announce)
     return written
+
+
+def opens_in(path: Path) -> str:
+    """What opens a file that was written, for people; empty where anything does."""
+    made = version("rerun-sdk")
+    return f" (opens in rerun {made}: `rerun {path.name}`)" if path.suffix == ".rrd" else ""
 
 
 def _stored_evaluation(session: Session) -> Evaluation | None:

@@ -56,6 +56,15 @@ def test_two_joints_that_were_exchanged_are_named(sensor, i, j):
     assert found.values["how"] == f"the angles of {JOINTS[i]} and {JOINTS[j]} exchanged"
 
 
+@pytest.mark.parametrize(
+    ("order", "how"),
+    [([5, 4, 3, 2, 1, 0], "in the reverse order"), ([1, 2, 3, 4, 5, 0], "one joint further on")],
+)
+def test_columns_in_another_order_are_named(sensor, order, how):
+    found = _read(sensor, Q[:, order])
+    assert found is not None and how in found.values["how"]
+
+
 def test_joints_with_parallel_axes_turn_a_link_alike(sensor):
     assert _read(sensor, Q[:, [0, 2, 1, 3, 4, 5]]) is None
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbench.exceptions import FileProblems
+from testbench.exceptions import FileProblems, InputError
 from testbench.formats import import_recording
 from testbench.formats.guessing.guess import guess
 from testbench.formats.options import Options
@@ -110,3 +110,10 @@ def test_the_guess_of_a_labelled_log_is_a_mapping_that_reads_it(tmp_path, clock)
 def test_rows_and_headers_are_left_as_they_are(text, tmp_path):
     (tmp_path / "d.csv").write_text(text)
     assert written_in(tmp_path / "d.csv", "utf-8") is None
+
+
+def test_a_log_of_numbers_alone_is_asked_about_and_no_fault_of_the_program(tmp_path):
+    """A clock of stamps tells no rate yet, by which turns would be compared."""
+    file = log(tmp_path / "log.txt", True, None, " ", False)
+    with pytest.raises(InputError, match="name them in a mapping"):
+        guess([file])

@@ -11,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 
 from testbench import Session, execute, plan
-from testbench.cli.once import with_defaults
+from testbench.cli.app import app
+from testbench.cli.once import values_left_away, with_defaults
 from testbench.estimation import estimate
 from testbench.evaluation import evaluate
 from testbench.execution import RunOptions
@@ -200,6 +202,10 @@ def test_the_viewer_is_started_in_a_process_of_its_own_and_what_it_says_is_told(
 
 
 def test_a_view_without_a_word_is_a_window() -> None:
-    assert with_defaults(["--view", "quick"]) == ["--view", "native", "quick"]
-    assert with_defaults(["quick", "--view"]) == ["quick", "--view", "native"]
-    assert with_defaults(["--view", "web", "quick"]) == ["--view", "web", "quick"]
+    bare = {"--view": ("native", "web")}
+    assert with_defaults(["--view", "quick"], bare) == ["--view", "native", "quick"]
+    assert with_defaults(["quick", "--view"], bare) == ["quick", "--view", "native"]
+    assert with_defaults(["--view", "web", "quick"], bare) == ["--view", "web", "quick"]
+    commands = typer.main.get_command(app).commands
+    assert values_left_away(commands["run"]) == bare == values_left_away(commands["record"])
+    assert values_left_away(commands["view"]) == {}

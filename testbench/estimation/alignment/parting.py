@@ -336,7 +336,7 @@ def _step(both: _Intervals, truth_s: float) -> Parting | None:
         return None
     apart, path, _ = both.apart(fitted)
     rate = rotation.rotate(both.q, both.rate)
-    step = find_step(Differences(apart, rate, NONLINEAR * path, both.time_ns, both.width, truth_s))
+    step = find_step(Differences(apart, rate, path, NONLINEAR, both.time_ns, both.width, truth_s))
     if step is not None:
         begin_ns, end_ns = both.time_ns[[step.before, step.after]]
         return Parting(step.angle, int(begin_ns), int(end_ns), True)

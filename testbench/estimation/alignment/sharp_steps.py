@@ -31,9 +31,13 @@ fitted best [1]: filters of a reference delay by milliseconds, in which a body t
 BESIDE_S = 4.0
 """What the two part by is usual if they do so within this on either side [s]."""
 BEYOND, OF_BESIDE = 2.0, 0.95
-"""A step exceeds so many times what this part of the changes beside it stays below [1]."""
+"""A step exceeds so many times what this part of the changes beside it stays below, for as far a
+turn [1].
+"""
 USUAL, OF_ALL = 1.5, 0.98
-"""And so many times what this part of all changes of the recording stays below [1]."""
+"""And so many times what this part of all changes of the recording stays below, likewise [1]."""
+LEAST_PATH = np.radians(5.0)
+"""Shorter turns are all alike: what is left is noise [rad]."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,8 @@ class Differences:
     Attributes:
         apart: In the world of the truth, shape (n, 3) [rad].
         rate: True, in the world, shape (n, 3) [rad/s].
-        allowed: What the gyroscope may be wrong by since the beginning, shape (n,) [rad].
+        path: That the gyroscope has turned since the beginning, shape (n,) [rad].
+        wrong: Part of it by which its turn may be wrong [1].
         time_ns: Middle of each interval, increasing, shape (n,) [ns].
         width: Of an interval [s].
         truth_s: Between two rows of the truth [s].
@@ -51,7 +56,8 @@ class Differences:
 
     apart: np.ndarray
     rate: np.ndarray
-    allowed: np.ndarray
+    path: np.ndarray
+    wrong: float
     time_ns: np.ndarray
     width: float
     truth_s: float
@@ -82,23 +88,40 @@ def find_step(own: Differences) -> Step | None:
     own = _without_lag(own, firsts, level, across)
     change = rotation.lengths(_changes(own.apart, firsts, level, across))
     change[_has_gap(own, firsts, level, across)] = 0.0
-    size = np.maximum(change - _allowed(own, firsts, level, across), 0.0)
-    least = max(LEAST, USUAL * float(np.quantile(size, OF_ALL)))
+    path = own.path[firsts + across + level - 1] - own.path[firsts - level]
+    size = np.maximum(change - own.wrong * path, 0.0)
+    # what either does wrong grows with the turn, or does not
+    scales = np.maximum(path, LEAST_PATH), np.ones(len(size))
+    least = [USUAL * float(np.quantile(size / scale, OF_ALL)) for scale in scales]
     beside, reach = level + across, round(BESIDE_S / own.width)
     taken = np.zeros(len(size), dtype=bool)
     for at in np.argsort(-size):
-        if size[at] <= least:
+        if size[at] <= LEAST:
             break
         around = np.arange(max(at - reach, 0), min(at + reach + 1, len(size)))
         near = around[np.abs(around - at) <= beside]
-        others = size[np.setdiff1d(around, near, assume_unique=True)]
+        others = np.setdiff1d(around, near, assume_unique=True)
         if not taken[at] and len(others):
-            limit = BEYOND * float(np.quantile(others, OF_BESIDE))
+            beyond = min(
+                scale[at] * max(usual, _usual(size, scale, others))
+                for usual, scale in zip(least, scales, strict=True)
+            )
             first = int(firsts[at])
-            if size[at] > limit and _is_sharp(own, first, level, across, float(change[at])):
+            if size[at] > beyond and _is_sharp(own, first, level, across, float(change[at])):
                 return Step(float(change[at]), first - 1, first + across)
         taken[near] = True
     return None
+
+
+def _usual(size: np.ndarray, scale: np.ndarray, others: np.ndarray) -> float:
+    """What a step must exceed beside some changes, in parts of a scale.
+
+    Args:
+        size: Of all changes, shape (m,) [rad].
+        scale: That they may grow with, shape (m,).
+        others: Those beside it, shape (k,).
+    """
+    return BEYOND * float(np.quantile(size[others] / scale[others], OF_BESIDE))
 
 
 def _without_lag(own: Differences, firsts: np.ndarray, level: int, across: int) -> Differences:
@@ -135,11 +158,6 @@ def _has_gap(own: Differences, firsts: np.ndarray, level: int, across: int) -> n
     last = firsts + across + level - 1
     lasted = (own.time_ns[last] - own.time_ns[firsts - level]) / NANOSECONDS
     return np.asarray(lasted > (2 * level + across) * own.width)
-
-
-def _allowed(own: Differences, firsts: np.ndarray, level: int, across: int) -> np.ndarray:
-    """What the gyroscope may be wrong by over both means, shape (m,) [rad]."""
-    return own.allowed[firsts + across + level - 1] - own.allowed[firsts - level]
 
 
 def _is_sharp(own: Differences, first: int, level: int, across: int, size: float) -> bool:

@@ -17,9 +17,10 @@ LEAST = np.radians(5.0)
 """Both part who are so far from one another afterwards [rad]."""
 LEAST_SWAP = np.radians(4.0)
 """Two bodies that are taken for one another lie so far apart [rad]."""
-SOUGHT_S, SWAPPED_S, NEAR_S, PARTED = 4.0, 0.11, 0.5, 6.0
-"""The moment is sought so near to where both maps fit best; from so far to so far from it the map
-of the other side leaves, squared, so many times what that of its own does, at least [s, s, s, 1].
+SOUGHT_S, SWAPPED_S, TURNED, PARTED = 5.0, 0.11, np.radians(40.0), 3.0
+"""The moment is sought so near to where two maps leave least. While the body turns so far before it
+and after it, but for so long beside it, the map of the other side leaves, squared, so many times
+what that of its own does [s, s, rad, 1].
 """
 LEAST_SIDE_S = 5.0
 """Maps are told on either side by so long at least [s]."""
@@ -167,9 +168,12 @@ def find_swap(
     first, end = max(slip.at - reach, 0), min(slip.at + reach, len(rate))
     leaves = np.cumsum(before[first:end]) + after[first:].sum() - np.cumsum(after[first:end])
     at = first + 1 + int(np.argmin(leaves))
-    away = (np.arange(len(rate)) - at) * width
-    early = (away < -SWAPPED_S) & (away > -NEAR_S)
-    late = (away > SWAPPED_S) & (away < NEAR_S)
+    path = np.concatenate([[0.0], np.cumsum(rotation.lengths(rate)) * width])
+    beside = round(SWAPPED_S / width)
+    begin = int(np.searchsorted(path, path[max(at - beside, 0)] - TURNED))
+    close = int(np.searchsorted(path, path[min(at + beside, len(rate))] + TURNED))
+    early = slice(max(begin, at - reach, 0), max(at - beside, 0))
+    late = slice(at + beside, min(close, at + reach))
     for side, own, other in ((early, before, after), (late, after, before)):
         if not float(other[side].sum()) > PARTED * float(own[side].sum()):
             return None

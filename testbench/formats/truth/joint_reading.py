@@ -131,6 +131,9 @@ def _readings(
         signs = np.ones(len(names))
         signs[i] = -1
         yield f"the sign of {names[i]} turned", link, q * signs
+    yield "the angles in the reverse order", link, q[:, ::-1]
+    yield "the angles one joint further on", link, np.roll(q, 1, axis=1)
+    yield "the angles one joint further back", link, np.roll(q, -1, axis=1)
     for other in kinematics.link_names:
         if other != link:
             yield f"the sensor on {other}", other, q

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 
 import rerun.blueprint as rrb
 
-from testbench.reporting.viewer.layout import SIGNALS, bench, plot, side_by_side
+from testbench.reporting.viewer.layout import bench, plot, side_by_side
+from testbench.reporting.viewer.scene import axes_each
+from testbench.reporting.viewer.signals import SIGNALS
 from testbench.reporting.viewer.timeline import TIMELINE
 
 WINDOW_S = 30.0
@@ -46,7 +48,7 @@ def live_layout(content: LiveContent) -> rrb.Blueprint:
     space = (
         bench(content.reach, "bench: true axes red, green, blue; filters in their colours")
         if content.reach is not None
-        else side_by_side(len(content.sensors), content.axes, alone=True)
+        else _beside_one_another(content)
     )
     state = rrb.TextDocumentView(origin="/live/state", name="now")
     left = rrb.Vertical(space, state, row_shares=[3, 2])
@@ -91,8 +93,16 @@ def live_layout(content: LiveContent) -> rrb.Blueprint:
     )
 
 
+def _beside_one_another(content: LiveContent) -> rrb.Spatial3DView:
+    """The axes of sensors that no arm carries."""
+    sensors = len(content.sensors)
+    name = "orientations, as estimated"
+    return side_by_side(sensors, axes_each(sensors, content.axes), True, name)
+
+
 def _signals(name: str, keys: Sequence[str]) -> rrb.Container:
-    titles = SIGNALS | {"temperature": "temperature [degC]"}
+    titles = {key: title for key, (_, title) in SIGNALS.items()}
+    titles["temperature"] = "temperature [degC]"
     plots = [_recent(titles[key], [f"+ /imu/{name}/{key}"]) for key in keys]
     return rrb.Vertical(*plots, name=f"{name} signals")
 

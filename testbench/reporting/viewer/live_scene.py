@@ -22,6 +22,7 @@ from testbench.reporting.viewer.scene import (
     WORLD,
     Cells,
     DrawnArm,
+    axes_each,
     log_axes,
     log_mounted_sensor,
     log_names,
@@ -41,7 +42,7 @@ from testbench.reporting.viewer.timeline import send
 
 PATHS = {"planned": ((130, 136, 145), 0.001), "ahead": ((250, 170, 40), 0.003)}
 """Colour and radius [m] of the way of a sensor as planned: all of it, and what comes next."""
-SIGNAL_RATE, ANGLE_RATE = 100.0, 20.0
+SIGNAL_RATE, ANGLE_RATE = 125.0, 20.0
 """Most rows a second of a sensor's signals, and of errors and angles [Hz]."""
 
 
@@ -127,10 +128,17 @@ class LiveScene:
         self.lines("margins/position", time[few], dict(zip(names, position.T, strict=True)))
         self.lines("margins/speed", time[few], dict(zip(names, speed.T, strict=True)))
 
-    def imu(self, name: str, samples: ImuSamples) -> None:
-        """Raw signals of a sensor, by the times at which they arrived."""
-        rows = self._rows(f"imu/{name}", samples.host_time_ns, SIGNAL_RATE)
-        time = samples.host_time_ns[rows]
+    def imu(self, name: str, samples: ImuSamples, time_ns: np.ndarray) -> None:
+        """Raw signals of a sensor.
+
+        Args:
+            name: Of the sensor.
+            samples: What it delivered.
+            time_ns: When they were taken, which may be steadier than when they arrived, host time,
+                shape (n,).
+        """
+        rows = self._rows(f"imu/{name}", time_ns, SIGNAL_RATE)
+        time = time_ns[rows]
         if not len(rows):
             return
         send_rows(self._recording, f"imu/{name}/rate_deg_s", time, np.degrees(samples.gyr[rows]))
@@ -140,7 +148,7 @@ class LiveScene:
         if samples.temperature is not None:
             few = rows[self._rows(f"imu/{name}/temperature", time, 1.0)]
             one = {"temperature": samples.temperature[few]}
-            self.lines(f"imu/{name}/temperature", samples.host_time_ns[few], one)
+            self.lines(f"imu/{name}/temperature", time_ns[few], one)
 
     def lines(self, path: str, time_ns: np.ndarray, values: Mapping[str, np.ndarray]) -> None:
         """Points of the lines of one plot.
@@ -188,7 +196,10 @@ class LiveScene:
         """
         rows = self._rows(f"axes/{sensor}", time_ns, AXES_RATE)
         place = self._content.sensors.index(sensor)
-        cells = Cells(len(self._content.sensors), self._content.axes)
+        sensors = self._content.sensors
+        cells = Cells(len(sensors), axes_each(len(sensors), self._content.axes))
+        if position is None:
+            estimated = dict(list(estimated.items())[: cells.axes])
         where = f"sensors/{sensor}/estimated" if position is not None else f"orientations/{sensor}"
         new = self._styled.get(where) != list(estimated)
         self._styled[where] = list(estimated)

@@ -144,13 +144,28 @@ def view(
         )
 
 
+@dataclass(frozen=True)
+class Picture:
+    """What a picture shows.
+
+    Attributes:
+        time_s: Instant, from the start of the session [s]; two thirds into its longest section if
+            None.
+        size: Width and height [pixels].
+        only: The one pane that is drawn; all if None.
+    """
+
+    time_s: float | None = None
+    size: tuple[int, int] = (1920, 1200)
+    only: str | None = None
+
+
 def screenshot(
     session: Session,
     path: str | Path,
     estimate: Estimate | None = None,
     evaluation: Evaluation | None = None,
-    time_s: float | None = None,
-    size: tuple[int, int] = (1920, 1200),
+    picture: Picture | None = None,
 ) -> Path:
     """Draw what the viewer shows into a PNG, without a screen.
 
@@ -159,29 +174,29 @@ def screenshot(
         path: The .png file to write.
         estimate: As `save_recording` takes it.
         evaluation: Of its errors, as `save_recording` takes it.
-        time_s: Of the picture, from the start of the session [s]; two thirds into its longest
-            section if None.
-        size: Width and height [pixels].
+        picture: What it shows; the usual if None.
 
     Returns:
         The path.
 
     Raises:
         ViewerError: There is no Vulkan driver to draw with, or the viewer failed otherwise.
+        NotFoundError: There is no such pane.
         InputError: The place cannot be written to.
         StorageError: The disk is full.
     """
-    path = Path(path)
+    path, picture = Path(path), picture or Picture()
     with tempfile.TemporaryDirectory(prefix="testbench_view_") as folder:
-        picture = Path(folder) / "picture.png"
-        recording = save_recording(session, Path(folder) / RECORDING, estimate, evaluation)
-        port = free_port()
+        drawn, file = Path(folder) / "picture.png", Path(folder) / RECORDING
+        recording = save_recording(session, file, estimate, evaluation, picture.only)
+        port, (width, height) = free_port(), picture.size
         options = ["--bind", LOOPBACK, "--port", str(port), "--headless"]
-        options += ["--window-size", f"{size[0]}x{size[1]}", str(recording)]
+        options += ["--window-size", f"{width}x{height}", str(recording)]
+        time_s = _telling_time(session) if picture.time_s is None else picture.time_s
         with running_viewer(options, quiet=True) as process:
-            _draw(process, port, picture, _telling_time(session) if time_s is None else time_s)
+            _draw(process, port, drawn, time_s)
         with stored_where_asked(path), replaced_file(path) as partial:
-            shutil.copyfile(picture, partial)
+            shutil.copyfile(drawn, partial)
     return path
 
 

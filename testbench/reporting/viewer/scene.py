@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,14 +22,20 @@ from testbench.records.session.session import Session
 from testbench.records.specs.protocol import Sensor
 from testbench.records.specs.robot import Robot
 from testbench.reporting.page.palette import rgb
-from testbench.reporting.viewer.timeline import changing, every, send
+from testbench.reporting.viewer.timeline import departing, every, send
 
 WORLD = "bench"
 ARM_RATE, AXES_RATE = 50.0, 20.0
 """Rates of what moves [Hz]."""
 SIDE_BY_SIDE_LENGTH = 0.15
-STILL = 2e-5
-"""A joint that moves less than this between two instants stands still [rad]."""
+STILL = 1e-4
+"""A joint is drawn anew once it is off by more than this [rad]."""
+TURNED = 2e-3
+"""Axes are drawn anew once a part of their quaternion is off by more than this, a quarter of a
+degree turned and less than a pixel, or their place by as many metres.
+"""
+MOST_POSES = 20_000
+"""Of one body, over the whole of a long recording."""
 TRUE_AXES = ((230, 60, 60), (60, 170, 60), (70, 110, 240))
 TRUE_LENGTH, ESTIMATED_LENGTH = 0.12, 0.085
 ROW, COLUMN = 0.4, 0.4
@@ -38,8 +44,12 @@ WIDE = 1.8
 """Part of the height of all rows that the columns may take, up to three times the least distance
 apart.
 """
-PER_ROW = 6
-"""Axes of one sensor in a row; of more, those that are left go on in the next."""
+MOST_ROWS, MOST_COLUMNS = 8, 5
+"""Of axes that stand side by side: more sensors go on beside the others, and of more filters the
+last ones have no axes.
+"""
+MOST_LEVEL = 4
+"""Names that stand beside one another on one level."""
 
 
 class DrawnArm:
@@ -78,14 +88,14 @@ class DrawnArm:
         for column, (name, joint) in enumerate(self._joints):
             if joint is None or not len(q):
                 continue
-            rows = changing(q[:, [column]], STILL)
+            rows = departing(q[:, [column]], STILL)
             transforms = joint.compute_transform_columns(q[rows, column].tolist(), clamp=False)
             send(self._recording, f"arm/joints/{name}", time_ns[rows], transforms)
 
 
 def log_arm(recording: rr.RecordingStream, robot: Robot, samples: ArmSamples) -> None:
     """The arm as its joints were measured."""
-    shown = every(samples.host_time_ns, ARM_RATE)
+    shown = every(samples.host_time_ns, ARM_RATE, MOST_POSES)
     DrawnArm(recording, robot).move(samples.host_time_ns[shown], samples.q_measured[shown])
 
 
@@ -159,7 +169,7 @@ def log_estimated_sensor(
     )
     if robot is None or sensor is None or own is None or not own.orientation:
         return
-    time = own.host_time_ns[every(own.host_time_ns, AXES_RATE)]
+    time = own.host_time_ns[every(own.host_time_ns, AXES_RATE, MOST_POSES)]
     q = np.column_stack(
         [
             np.interp(time, arm.host_time_ns, arm.q_measured[:, i])
@@ -172,16 +182,11 @@ def log_estimated_sensor(
         .position
     )
     for key, orientation in own.orientation.items():
-        shown = orientation[every(own.host_time_ns, AXES_RATE)]
+        shown = orientation[every(own.host_time_ns, AXES_RATE, MOST_POSES)]
         path = f"sensors/{name}/estimated/{key}"
         log_moving_axes(
             recording, path, time, shown, position, ESTIMATED_LENGTH, [rgb(colours[key])] * 3
         )
-
-
-def arrangement(sensors: int, axes: int) -> tuple[int, int]:
-    """Rows and columns of so many sensors, each with so many axes."""
-    return max(sensors, 1) * -(-axes // PER_ROW), min(axes, PER_ROW)
 
 
 def column_width(rows: int, columns: int) -> float:
@@ -204,9 +209,19 @@ class Cells:
     axes: int
 
     @property
+    def rows(self) -> int:
+        """Sensors above one another."""
+        return -(-max(self.sensors, 1) // _blocks(self.sensors))
+
+    @property
+    def columns(self) -> int:
+        """Axes beside one another."""
+        return _blocks(self.sensors) * self.axes
+
+    @property
     def width(self) -> float:
         """Distance between columns [m]."""
-        return column_width(*arrangement(self.sensors, self.axes))
+        return column_width(self.rows, self.columns)
 
     def places(self, sensor: int, cell: int) -> tuple[np.ndarray, np.ndarray]:
         """Where the axes of a cell are, and where its name is, shape (3,) each [m].
@@ -215,13 +230,28 @@ class Cells:
             sensor: Its place among the sensors.
             cell: Of the sensor's axes.
         """
-        rows_each = arrangement(self.sensors, self.axes)[0] // max(self.sensors, 1)
-        row, column, width = sensor * rows_each + cell // PER_ROW, cell % PER_ROW, self.width
+        width, column = self.width, sensor // self.rows * self.axes + cell
         aside, below = (0.5 * (width - COLUMN), 0.0) if width > 2 * COLUMN else (0.0, 0.45 * ROW)
-        if rows_each > 1 and column % 2:  # long names side by side would cover each other
-            below += 0.16 * ROW
-        place = np.array([0.0, width * column, -ROW * row])
+        # long names side by side would cover each other
+        if self.columns > MOST_LEVEL and column % 2:
+            below += 0.2 * ROW
+        place = np.array([0.0, width * column, -ROW * (sensor % self.rows)])
         return place, place - [0.0, aside, below]
+
+
+def _blocks(sensors: int) -> int:
+    """Into how many columns of sensors they are divided."""
+    return -(-max(sensors, 1) // MOST_ROWS)
+
+
+def axes_each(sensors: int, axes: int) -> int:
+    """How many of the axes of a sensor there is room for.
+
+    Args:
+        sensors: How many stand side by side.
+        axes: Most axes that one of them has.
+    """
+    return min(axes, max(1, MOST_COLUMNS // _blocks(sensors)))
 
 
 def log_names(recording: rr.RecordingStream, labels: Sequence[tuple[str, np.ndarray]]) -> None:
@@ -245,21 +275,29 @@ def log_side_by_side(
     estimate: Estimate | None,
     colours: dict[str, str],
     columns: int,
+    orders: Mapping[str, Sequence[str]],
 ) -> None:
-    """True and estimated axes of every sensor, `columns` of them at most, each with its name
-    beneath, or before it.
+    """True and estimated axes of every sensor, each with its name beneath, or before it.
+
+    Args:
+        recording: To draw into.
+        truths: By sensor.
+        estimate: Of the orientations.
+        colours: By filter.
+        columns: Most axes of one sensor.
+        orders: Filters of each sensor, those that are wanted most first.
     """
     labels: list[tuple[str, np.ndarray]] = []
     cells = Cells(len(truths), columns)
     for sensor, (name, truth) in enumerate(truths.items()):
         axes = [] if truth is None else [("true", truth.host_time_ns, truth.q_world_from_sensor)]
         own = None if estimate is None else estimate.sensors.get(name)
-        found = {} if own is None else own.orientation
-        axes += [(key, own.host_time_ns, q) for key, q in found.items()] if own else []
-        for i, (key, time, q) in enumerate(axes):
+        if own is not None:
+            axes += [(key, own.host_time_ns, own.orientation[key]) for key in orders[name]]
+        for i, (key, time, q) in enumerate(axes[:columns]):
             place, beneath = cells.places(sensor, i)
-            labels.append((f"{name}, true" if key == "true" else key, beneath))
-            chosen = every(time, AXES_RATE)
+            labels.append((f"{name}: {key}" if i == 0 else key, beneath))
+            chosen = every(time, AXES_RATE, MOST_POSES)
             known = np.isfinite(q[chosen]).all(axis=1)
             log_moving_axes(
                 recording,
@@ -332,7 +370,7 @@ def send_poses(
     """
     if not len(time_ns):
         return
-    rows = changing(np.column_stack([q_world_from_sensor, position]), STILL)
+    rows = departing(np.column_stack([q_world_from_sensor, position]), TURNED)
     q = np.roll(q_world_from_sensor[rows], -1, axis=1)  # rerun wants x, y, z, w
     columns = rr.Transform3D.columns(
         translation=position[rows],

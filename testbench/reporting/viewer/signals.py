@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 import rerun as rr
@@ -16,7 +16,8 @@ from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.session import Event, Session
 from testbench.reporting.page.palette import COLOURS, REFERENCE, filter_colours, rgb
-from testbench.reporting.viewer.timeline import every, send
+from testbench.reporting.viewer.shown_first import by_flexion, by_orientation, visible
+from testbench.reporting.viewer.timeline import every, extremes, send
 
 ERROR_RATE = 20.0
 """Rate of the error signals [Hz]."""
@@ -26,6 +27,12 @@ LEVELS = {"run_error": "ERROR", "run_aborted": "ERROR", "run_interrupted": "WARN
 PHASES = {"move": "#5b6f8a", "dwell": "#2b333d", "sweep": "#a8641c"}
 MOST_JOINTS = 4
 """Joints of a chain that one tab has room for."""
+SIGNALS = {
+    "rate_deg_s": ("gyr", "angular rate [deg/s]"),
+    "specific_force_m_s2": ("acc", "specific force [m/s²]"),
+    "magnetic_field_uT": ("mag", "field [µT]"),
+}
+"""Attribute and title of each signal of a sensor."""
 PARTS = ("total", "inclination", "heading")
 
 
@@ -39,10 +46,16 @@ def log_imu(
         if own is not None and len(own.host_time_ns) == len(samples)
         else samples.host_time_ns
     )
-    _log_vector(recording, f"imu/{name}/rate_deg_s", time, np.degrees(samples.gyr))
-    _log_vector(recording, f"imu/{name}/specific_force_m_s2", time, samples.acc)
-    if samples.mag is not None:
-        _log_vector(recording, f"imu/{name}/magnetic_field_uT", time, samples.mag)
+    for key in signals_of(samples):
+        values = getattr(samples, SIGNALS[key][0])
+        shown = np.degrees(values) if key == "rate_deg_s" else values
+        _log_vector(recording, f"imu/{name}/{key}", time, shown)
+
+
+def signals_of(samples: ImuSamples) -> list[str]:
+    """The keys of `SIGNALS` that a sensor has: a file without rates has them not a number."""
+    found = {key: getattr(samples, SIGNALS[key][0]) for key in SIGNALS}
+    return [k for k, own in found.items() if own is not None and np.isfinite(own).any()]
 
 
 def log_errors(
@@ -52,52 +65,91 @@ def log_errors(
     start drowns them [deg].
     """
     for sensor in dict.fromkeys(row.sensor for row in evaluation.orientation):
-        series = evaluation.series.get(orientation_table(sensor), {})
-        filters = list(
-            dict.fromkeys(row.filter for row in evaluation.orientation if row.sensor == sensor)
-        )
-        for part in PARTS:
-            lines = {
-                key: series[f"{key}_{part}_rad"] for key in filters if f"{key}_{part}_rad" in series
-            }
-            _log_lines(
-                recording,
-                f"errors/{sensor}/{part}",
-                series.get("host_time_ns"),
-                lines,
-                colours,
-                _first(series),
-            )
-    for joint in dict.fromkeys(row.joint for row in evaluation.joint_angle):
-        series = evaluation.series.get(joint_table(joint), {})
-        keys = list(
-            dict.fromkeys(
-                (row.filter, row.sequence) for row in evaluation.joint_angle if row.joint == joint
-            )
-        )
-        for sequence in dict.fromkeys(own for _, own in keys):
-            for kind in ("flexion", "error"):
-                lines = (
-                    {"true": series["reference_rad"]}
-                    if kind == "flexion" and "reference_rad" in series
-                    else {}
-                )
-                columns = {
-                    key: f"{key}_{sequence}_{kind}_rad" for key, own in keys if own == sequence
-                }
-                lines |= {
-                    key: series[column] for key, column in columns.items() if column in series
-                }
-                path = f"joints/{joint}/{sequence}/{kind}"
-                begin = _first(series) if kind == "error" else 0
-                _log_lines(
-                    recording,
-                    path,
-                    series.get("host_time_ns"),
-                    lines,
-                    {"true": REFERENCE, **colours},
-                    begin,
-                )
+        _log_orientation_errors(recording, evaluation, colours, sensor)
+    for joint, sequence in dict.fromkeys(
+        (row.joint, row.sequence) for row in evaluation.joint_angle
+    ):
+        _log_flexion(recording, evaluation, {"true": REFERENCE, **colours}, joint, sequence)
+
+
+def _log_orientation_errors(
+    recording: rr.RecordingStream, evaluation: Evaluation, colours: Mapping[str, str], sensor: str
+) -> None:
+    """The parts of the errors of one sensor, with the uncertainty of the truth."""
+    series = evaluation.series.get(orientation_table(sensor), {})
+    filters = by_orientation(evaluation, sensor)
+    rows = [row for row in evaluation.orientation_summary if row.sensor == sensor]
+    for part in PARTS:
+        path = f"errors/{sensor}/{part}"
+        columns = {key: f"{key}_{part}_rad" for key in filters}
+        lines = {key: series[column] for key, column in columns.items() if column in series}
+        time, begin = series.get("host_time_ns"), _first(series)
+        _log_lines(recording, path, time, lines, colours, begin, visible(filters))
+        signed = part == "heading"
+        own = [row for row in rows if (row.part, row.motion) == (part, "all")]
+        limits = [
+            row.expanded_uncertainty_deg if signed else row.expanded_uncertainty_magnitude_deg
+            for row in own
+        ]
+        _log_uncertainty(recording, path, time, limits, begin, signed)
+
+
+def _log_flexion(
+    recording: rr.RecordingStream,
+    evaluation: Evaluation,
+    colours: Mapping[str, str],
+    joint: str,
+    sequence: str,
+) -> None:
+    """True and estimated flexion by one definition, and its error with the uncertainty of the
+    truth.
+    """
+    series = evaluation.series.get(joint_table(joint), {})
+    filters, time = by_flexion(evaluation, joint, sequence), series.get("host_time_ns")
+    for kind in ("flexion", "error"):
+        known = kind == "flexion" and "reference_rad" in series
+        lines = {"true": series["reference_rad"]} if known else {}
+        columns = {key: f"{key}_{sequence}_{kind}_rad" for key in filters}
+        lines |= {key: series[column] for key, column in columns.items() if column in series}
+        path = f"joints/{joint}/{sequence}/{kind}"
+        begin = _first(series) if kind == "error" else 0
+        _log_lines(recording, path, time, lines, colours, begin, {"true"} | visible(filters))
+    limits = [
+        row.expanded_uncertainty_deg
+        for row in evaluation.joint_summary
+        if (row.joint, row.sequence) == (joint, sequence)
+    ]
+    path = f"joints/{joint}/{sequence}/error"
+    _log_uncertainty(recording, path, time, limits, _first(series), signed=True)
+
+
+def _log_uncertainty(
+    recording: rr.RecordingStream,
+    path: str,
+    time_ns: np.ndarray | None,
+    limits: Sequence[float | None],
+    begin: int,
+    signed: bool,
+) -> None:
+    """How far the truth may be off on the mean (95 %), as lines of a plot of errors.
+
+    Args:
+        recording: To write to.
+        path: Of the plot.
+        time_ns: Of the plot, shape (n,) [ns].
+        limits: Of each row of the table [deg]; the largest is drawn.
+        begin: The first row of the plot.
+        signed: Whether errors are.
+    """
+    known = [limit for limit in limits if limit is not None and np.isfinite(limit)]
+    if not known or time_ns is None or len(time_ns) <= begin:
+        return
+    largest = max(known)
+    sides = {"U (95 %)": largest} | ({"-U": -largest} if signed else {})
+    own = f"{path}_uncertainty"
+    style_lines(recording, own, list(sides), dict.fromkeys(sides, REFERENCE))
+    ends = np.array([time_ns[begin], time_ns[-1]])
+    send_rows(recording, own, ends, np.tile(list(sides.values()), (2, 1)))
 
 
 def unjudged_joints(
@@ -233,8 +285,8 @@ def name_sections(recording: rr.RecordingStream, sections: Iterable[str]) -> Non
     """The colours of a protocol's sections and phases, before `send_steps`."""
     names = dict.fromkeys(sections)
     colours = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
-    _name_states(recording, "state/section", colours)
-    _name_states(recording, "state/phase", PHASES)
+    name_states(recording, "state/section", colours)
+    name_states(recording, "state/phase", PHASES)
 
 
 def send_steps(recording: rr.RecordingStream, steps: Sequence[PlannedStep]) -> None:
@@ -269,7 +321,8 @@ def send_states(
         send(recording, f"state/{which}", np.array([t for t, _ in states]), changes)
 
 
-def _name_states(recording: rr.RecordingStream, path: str, colours: dict[str, str]) -> None:
+def name_states(recording: rr.RecordingStream, path: str, colours: Mapping[str, str]) -> None:
+    """The words of a lane of states, and their colours."""
     names = list(colours)
     style = rr.StateConfiguration(
         values=names, labels=names, colors=[(*rgb(colour), 255) for colour in colours.values()]
@@ -313,15 +366,22 @@ def _log_vector(
     recording: rr.RecordingStream, path: str, time_ns: np.ndarray, values: np.ndarray
 ) -> None:
     style_vector(recording, path)
-    send_rows(recording, path, time_ns, values)
+    send_rows(recording, path, *extremes(time_ns, values))
 
 
 def style_lines(
-    recording: rr.RecordingStream, path: str, names: Sequence[str], colours: Mapping[str, str]
+    recording: rr.RecordingStream,
+    path: str,
+    names: Sequence[str],
+    colours: Mapping[str, str],
+    shown: Collection[str] | None = None,
 ) -> None:
-    """The lines of one plot, by name."""
+    """The lines of one plot, by name; those not `shown` come with a click on the legend."""
     style = rr.SeriesLines(
-        names=list(names), colors=[rgb(colours[name]) for name in names], widths=[1.4] * len(names)
+        names=list(names),
+        colors=[rgb(colours[name]) for name in names],
+        widths=[1.4] * len(names),
+        visible_series=[shown is None or name in shown for name in names],
     )
     recording.log(path, style, static=True)
 
@@ -331,8 +391,9 @@ def _log_lines(
     path: str,
     time_ns: np.ndarray | None,
     lines: dict[str, np.ndarray],
-    colours: dict[str, str],
+    colours: Mapping[str, str],
     begin: int,
+    shown: Collection[str] | None = None,
 ) -> None:
     """Angles [rad] as lines of one plot [deg].
 
@@ -342,5 +403,5 @@ def _log_lines(
         return
     chosen = slice(begin, None, every(time_ns, ERROR_RATE).step)
     values = np.degrees(np.column_stack([line[chosen] for line in lines.values()]))
-    style_lines(recording, path, list(lines), colours)
-    send_rows(recording, path, time_ns[chosen], values)
+    style_lines(recording, path, list(lines), colours, shown)
+    send_rows(recording, path, *extremes(time_ns[chosen], values))

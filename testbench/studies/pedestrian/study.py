@@ -15,7 +15,6 @@ import numpy as np
 from testbench.estimation.filters import get_filter
 from testbench.estimation.gait import PUBLISHED, PedestrianParameters, Walk, walk
 from testbench.estimation.gait.readings import fits_in_memory, readings_of
-from testbench.estimation.gait.settings import DEFAULT_FILTER
 from testbench.estimation.gait.wearing import FOUND, levelled, mounting_matrix
 from testbench.estimation.signals.recording import SensorRecording
 from testbench.exceptions import InputError
@@ -156,8 +155,8 @@ def walking_tables(found: Walks, printed: dict[str, PublishedTable]) -> list[Stu
 
 def _of_recording(bench: StudyBench, started: str) -> StudyRecord:
     """Cycles, distance and heading of every sensor of a recording that walked, by every filter."""
-    (result,) = bench.results(PROTOCOL, (DEFAULT_FILTER,))
-    session, rows, curves = result.session, [], []
+    bench.say(f"asking {bench.session}")
+    session, rows, curves = bench.recording(), [], []
     for name in session.sensor_names:
         for kind, label in OF_RECORDINGS.items():
             walked = reckoned_walk(session, name, kind)
@@ -213,7 +212,9 @@ names.
 
 
 def reckoned_walk(session: Session, name: str, kind: str) -> Walk | None:
-    """The walk of one sensor of a recording by one filter; None where it has no cycle.
+    """The walk of one sensor of a recording by one filter.
+
+    None where it has no cycle, or its rates are those of the device's own orientation.
 
     Args:
         session: The recording.
@@ -224,7 +225,7 @@ def reckoned_walk(session: Session, name: str, kind: str) -> Walk | None:
     if not fits_in_memory(recording):
         return None
     readings = readings_of(recording)
-    if not np.isfinite(readings.acc).any() or not readings.uniform.gyr.any():
+    if readings.derived or not np.isfinite(readings.acc).any() or not readings.uniform.gyr.any():
         return None
     R, _ = mounting_matrix(FOUND, readings.rate, readings.acc, name)
     level = levelled(replace(readings.uniform, gyr=readings.rate), R)

@@ -60,9 +60,8 @@ TEMPLATES = {
         WARNING,
         "gyroscope and accelerometer jump at once in {count} {count:place|places}, the first after "
         "{at_s:.2f} s, between readings that go on smoothly on either side",
-        "rows are missing there, for about {about_s:.2g} s in all by how far gravity turned, and "
-        "neither stamps nor a counter tell: how it turned meanwhile is lost, and all that follows "
-        "comes too early",
+        "rows are missing there{how_long}, or stand twice, and neither stamps nor a counter tell: "
+        "how it turned meanwhile is lost, and all that follows comes at a wrong time",
         "record it with stamps or a counter, or cut the file there",
     ),
     "time.repeated": Template(
