@@ -201,7 +201,6 @@ def kept_result(path: str | Path) -> Result:
     """
     session, report = Session(path), Path(path) / REPORT
     return Result(
-        None,
         session,
         Estimate.load(session.path),
         Evaluation.load(session.path),
