@@ -54,7 +54,9 @@ def _item(session: Session, name: str, serial: str | None, firmware: str | None)
     if tag is not None:
         entries.append(Entry(name="Device tag", value=tag, remark=BY_DEVICE))
     if record.rate_hz is not None:
-        entries.append(Entry(name="Rate", value=f"{record.rate_hz:.4g} Hz", remark="nominal"))
+        entries.append(
+            Entry(name="Rate", value=f"{record.rate_hz:.4g} Hz", remark="nominal, or as measured")
+        )
     scale = record.full_scale
     if scale is not None and (scale.acc_m_s2 or scale.gyr_rad_s):
         ranges = [
@@ -170,7 +172,7 @@ def session_entries(session: Session, files: int, sealed: bool) -> list[Entry]:
             value=f"{files}, each compared with the SHA-256 that the manifest states",
         ),
         Entry(name="Seal of its manifest", value=seal),
-        Entry(name="Recorded with", value=software),
+        Entry(name="Written with", value=software),
     ]
     return [own for own in entries if own.value or own.remark]
 
