@@ -8,10 +8,12 @@
 - `certificate`: issue a certificate of it.
 - `compare`: two sides of sessions, which `sides` finds.
 - `show`: look at a recording; `exports`: write it for other programs.
+- `follow`: look at one while another process makes it, with `live_session`, `live_sensor`,
+  `live_words`; `beside`: start who does.
 - `calibrate`, `noise`, `noise_preset`, `tune`, `parameter_space`: what sensors and filters are
   found to be; `design`: poses and turns that would tell it best.
 - `record`, `bring_in`, `simulate`: other ways to a recording; `body_request`: the joints asked
-  for with it.
+  for with it; `examples`: recordings to try the bench with.
 
 Modules are imported one by one: who evaluates a session need not load what drives an arm.
 """

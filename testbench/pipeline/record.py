@@ -6,6 +6,7 @@ from testbench.drivers.session_time import SessionTime
 from testbench.execution.device_recorder import record_devices
 from testbench.execution.devices import open_devices, scan_devices
 from testbench.execution.options import RunOptions
+from testbench.pipeline.arm import refuse_missing_devices
 from testbench.pipeline.request import RecordRequest
 from testbench.pipeline.watcher import Watcher
 from testbench.records.session.session import Session
@@ -25,6 +26,7 @@ def record(asked: RecordRequest, watcher: Watcher | None = None) -> Session:
         RunInterrupted: Interrupted before the duration was over; the session is kept.
     """
     watcher = watcher or Watcher()
+    refuse_missing_devices(asked.serial, asked.dots)
     devices = open_devices(
         list(asked.serial),
         list(asked.dots),
@@ -35,7 +37,9 @@ def record(asked: RecordRequest, watcher: Watcher | None = None) -> Session:
     )
     length = "until Ctrl-C" if asked.duration_s is None else f"for {asked.duration_s:g} s"
     watcher.notify(f"connecting {', '.join(devices.imus)}, then recording {length}")
-    options = RunOptions(clock=watcher.clock, progress=watcher.progress, say=watcher.say)
+    options = RunOptions(
+        clock=watcher.clock, progress=watcher.progress, say=watcher.say, opened=watcher.opened
+    )
     return record_devices(devices, asked.logs, asked.duration_s, asked.name, options)
 
 

@@ -8,7 +8,7 @@ a real arm to do is a `Consent`, given for one run and never stored. Files are n
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -162,9 +162,39 @@ class Request(Asked):
 class ViewRequest(Asked):
     """How a session is looked at: in a window if nothing else is said."""
 
-    web: bool = Field(default=False, description="Serve to a browser instead.")
+    web: bool = Field(default=False, description="Serve to browsers instead.")
+    port: int | None = Field(
+        default=None, ge=1, le=65535, description="Of the page; 9090, or a free one, if null."
+    )
+    bind: str = Field(
+        default="127.0.0.1",
+        min_length=1,
+        description="Address of this machine that the viewer listens at.",
+    )
     save: Place | None = Field(default=None, description="A .rrd file to write instead.")
     screenshot: Place | None = Field(default=None, description="A .png file to write instead.")
+    time_s: float | None = Field(
+        default=None,
+        description="Instant of the picture [s]; two thirds into the longest section if null.",
+    )
+    size: tuple[Annotated[int, Field(ge=200, le=8000)], Annotated[int, Field(ge=200, le=8000)]] = (
+        Field(default=(1920, 1200), description="Width and height of the picture [pixels].")
+    )
+    pane: str | None = Field(
+        default=None, description="The one pane that is shown, by its name; all if null."
+    )
+
+
+class FollowRequest(Asked):
+    """Which session is looked at while it is recorded."""
+
+    session: Place = Field(description="Folder of the session.")
+    view: ViewRequest = Field(
+        default=ViewRequest(), description="Where it is shown; no picture is drawn of it."
+    )
+    with_run: bool = Field(
+        default=False, description="A page is served only as long as the session is recorded."
+    )
 
 
 class CalibrationRequest(Asked):
