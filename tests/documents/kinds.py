@@ -121,10 +121,12 @@ from tests.documents.blocks import ROOT, blocks
 (band,) = [own.text for own in blocks(ROOT / "docs/reports.md") if own.language == "yaml"]
 open("our_patients.yaml", "w").write(band)'
 """
-LABORATORY = (
-    "export XDG_CONFIG_HOME=$PWD/config; mkdir -p config/testbench; "
-    "printf 'name: A\\naddress: B\\n' > config/testbench/laboratory.yaml\n"
-)
+LABORATORY = "printf 'name: A\\naddress: B\\n' > laboratory.yaml\n"
+ISSUED_BY = {
+    "--pdf": "--pdf --laboratory laboratory.yaml",
+    "pdf=True": 'pdf=True, laboratory="laboratory.yaml"',
+}
+"""Nobody has stated a laboratory where tests run."""
 CUT_OFF = Kind("elsewhere", why="goes on with a run that broke off, as tests/system do")
 
 PAGES: dict[str, Page] = {
@@ -172,6 +174,7 @@ PAGES: dict[str, Page] = {
         + LABORATORY
         + _broad("02", "16")
         + '[ -z "$TESTBENCH_DATA" ] || ln -s $TESTBENCH_DATA/broad/05_*.mat 05_trial.mat\n',
+        words=ISSUED_BY,
     ),
     "docs/calibration.md": Page(
         {"testbench ": LONG, "testbench calibrate SESSION --method ferraris": HARDWARE},
@@ -192,6 +195,7 @@ PAGES: dict[str, Page] = {
         + _run("calibration_optimal", "logs/20261121T230000Z_calibration_optimal")
         + _run("static_noise", "logs/20261121T231500Z_static_noise")
         + LABORATORY,
+        words=ISSUED_BY,
     ),
     "docs/comparing.md": Page(
         {"testbench compare": LONG},

@@ -88,7 +88,7 @@ def _identity(
         if given is not None:
             raise InputError(f"sensor {sensor} is simulated, and has no {title.lower()}: {option}")
         part = part_of(session) or "simulated"
-        return Entry(name=title, value=None, remark=f"a model has none ({part})")
+        return Entry(name=title, value=None, remark=f"a model has none: {part}")
     if given is not None:
         return Entry(name=title, value=given, remark=BY_LABORATORY)
     return Entry(name=title, value=None, remark=f"the session does not state it; {option} does")

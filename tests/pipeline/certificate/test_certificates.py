@@ -303,7 +303,7 @@ def test_what_nobody_states_is_blank_with_a_reason(noise: Issued) -> None:
         assert what in blank
     assert noise.pdf is not None
     text = " ".join(pages(noise.pdf))
-    assert "blank: a model has none (simulated, part 1)" in text
+    assert "blank: a model has none: simulated, part 1" in text
     assert "blank: neither the session nor the laboratory states it" in text
 
 
