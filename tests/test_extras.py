@@ -22,7 +22,7 @@ from testbench.pipeline.watcher import Consent, Watcher
 ROOT = Path(__file__).resolve().parent.parent
 
 
-EXTRAS = ["ur", "xarm", "serial", "ble", "dask", "mcap", "ros", "markers", "seal"]
+EXTRAS = ["ur", "xarm", "serial", "ble", "dask", "mcap", "ros", "markers", "seal", "certificate"]
 
 
 @pytest.fixture
