@@ -9,6 +9,7 @@ import typer
 
 from testbench.cli.auditing import audit
 from testbench.cli.calibrating import calibrate, calibrations
+from testbench.cli.certifying import certificate
 from testbench.cli.comparing import compare
 from testbench.cli.describing import say_description, say_plateaus
 from testbench.cli.designing import design
@@ -65,6 +66,7 @@ from testbench.cli.simulating import simulate
 from testbench.cli.studying import study
 from testbench.cli.tuning import tune
 from testbench.cli.verifying import seal, verify
+from testbench.cli.viewing import view
 
 app = typer.Typer(
     help="A robot arm turned into a metrology bench for inertial sensors.",
@@ -176,6 +178,7 @@ app.command()(example)
 app.command()(audit)
 app.command()(calibrate)
 app.command()(calibrations)
+app.add_typer(certificate, name="certificate")
 app.add_typer(emulate, name="emulate")
 app.command()(design)
 app.command()(study)
@@ -314,34 +317,7 @@ def report(
             say(f"printed: {result.printed}")
 
 
-@app.command()
-def view(
-    session: SessionArgument,
-    web: Annotated[
-        bool, typer.Option("--web", help="Serve the viewer to a browser on this machine.")
-    ] = False,
-    save: Annotated[
-        Path | None,
-        typer.Option("--save", help="Write a .rrd recording instead of opening the viewer."),
-    ] = None,
-    screenshot: Annotated[
-        Path | None, typer.Option("--screenshot", help="Write a .png instead, without a screen.")
-    ] = None,
-    no_verify: NoVerifyOption = False,
-    json: JsonOption = False,
-) -> None:
-    """Open a session in rerun: the arm, the sensors, their signals and errors."""
-    from testbench.pipeline.request import ViewRequest
-    from testbench.pipeline.show import show
-
-    opened = session_of(session, no_verify)
-    wanted = ViewRequest(web=web, save=optional(save), screenshot=optional(screenshot))
-    written = show(opened, wanted)
-    if json:
-        say_json({"session": str(opened.path), "files": [str(path) for path in written]})
-    else:
-        for path in written:
-            say(f"written: {path}")
+app.command()(view)
 
 
 @app.command()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from typing import Any
 
@@ -15,10 +16,10 @@ class OnceCommand(TyperCommand):
     def make_parser(self, ctx: Any) -> Any:
         """The parser, which counts how often each option was given."""
         parser = super().make_parser(ctx)
-        parse = parser.parse_args
+        parse, bare = parser.parse_args, values_left_away(self)
 
         def counted(args: list[str]) -> Any:
-            found = parse(args=args)
+            found = parse(args=with_defaults(args, bare))
             given = Counter(id(own) for own in found[2])
             for own in found[2]:
                 single = not (own.multiple or getattr(own, "is_flag", False))
@@ -28,6 +29,35 @@ class OnceCommand(TyperCommand):
 
         parser.parse_args = counted  # type: ignore[method-assign]
         return parser
+
+
+def values_left_away(command: TyperCommand) -> dict[str, tuple[str, ...]]:
+    """Options of a command whose value may be left away, and their values.
+
+    Their help shows them as `[first|second]`; the first one is meant where there is none.
+    """
+    shown = {
+        name: re.fullmatch(r"\[(\w+(?:\|\w+)+)\]", getattr(own, "metavar", None) or "")
+        for own in command.params
+        for name in own.opts
+    }
+    return {name: tuple(found[1].split("|")) for name, found in shown.items() if found is not None}
+
+
+def with_defaults(args: list[str], bare: dict[str, tuple[str, ...]]) -> list[str]:
+    """Arguments in which options without their value have it.
+
+    Args:
+        args: As typed.
+        bare: As `values_left_away` gives them.
+    """
+    whole: list[str] = []
+    for i, word in enumerate(args):
+        whole.append(word)
+        values = bare.get(word)
+        if values is not None and (i + 1 == len(args) or args[i + 1] not in values):
+            whole.append(values[0])
+    return whole
 
 
 def _times(count: int) -> str:

@@ -10,6 +10,7 @@ import typer
 
 from testbench.cli.options import JsonOption, LogsOption
 from testbench.cli.output import say, say_findings, say_json, say_table
+from testbench.cli.viewing import ViewOption, shown_beside
 
 if TYPE_CHECKING:
     from testbench.execution.run_progress import Progress
@@ -58,13 +59,14 @@ def record(
     scan: Annotated[
         bool, typer.Option("--scan", help="List serial ports and DOTs instead.")
     ] = False,
+    view: ViewOption = None,
     json: JsonOption = False,
 ) -> None:
     """Record IMUs alone, without an arm; Ctrl-C ends it."""
     from testbench.pipeline.record import record as record_devices
     from testbench.pipeline.record import scan_devices
     from testbench.pipeline.request import RecordRequest
-    from testbench.pipeline.watcher import Watcher
+    from testbench.pipeline.watcher import Watcher, nothing
 
     if scan:
         return _say_found(scan_devices(), json)
@@ -79,7 +81,10 @@ def record(
         dot_sync=dot_sync,
     )
     shown = _say_progress if sys.stderr.isatty() else None
-    watcher = Watcher() if json else Watcher(notify=say, progress=shown, say=_say_beside)
+    opened = shown_beside(view, _say_beside) or nothing
+    watcher = Watcher(opened=opened)
+    if not json:
+        watcher = Watcher(notify=say, progress=shown, say=_say_beside, opened=opened)
     return _say_recorded(record_devices(asked, watcher), json)
 
 

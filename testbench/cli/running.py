@@ -42,6 +42,7 @@ from testbench.cli.output import (
     say_warning,
     say_warnings,
 )
+from testbench.cli.viewing import Viewing, ViewOption, shown_beside
 from testbench.drivers.arms.catalogue import ARMS, SIM, find_arm
 
 if TYPE_CHECKING:
@@ -120,6 +121,7 @@ def run(
     no_report: Annotated[
         bool, typer.Option("--no-report", help="Do not write report.html.")
     ] = False,
+    view: ViewOption = None,
     table: Annotated[
         bool, typer.Option("--table", help="Show the tables of all numbers, too.")
     ] = False,
@@ -160,7 +162,7 @@ def run(
     )
     with _resumable(asked), progress_bar(not json) as display:
         consent = consent_of(confirm_motion, hazards_checked)
-        result = carry_out(asked, _watcher(display, consent))
+        result = carry_out(asked, _watcher(display, consent, view))
     _finish(result, json, table)
 
 
@@ -195,14 +197,14 @@ def _resumable(asked: Request) -> Iterator[None]:
         raise
 
 
-def _watcher(display: RunDisplay | None, consent: Consent) -> Watcher:
-    """Shows a run on the terminal; without a display it is allowed what the person allows, and no
-    more.
+def _watcher(display: RunDisplay | None, consent: Consent, view: Viewing | None) -> Watcher:
+    """Shows a run on the terminal, and in a viewer; without a display it is allowed what the person
+    allows, and no more.
     """
-    from testbench.pipeline.watcher import Watcher
+    from testbench.pipeline.watcher import Watcher, nothing
 
     if display is None:
-        return Watcher(consent=consent)
+        return Watcher(consent=consent, opened=shown_beside(view, say_note) or nothing)
     return Watcher(
         prepared=_say_prepared,
         motion=lambda prepared: say_motion(prepared.plan, prepared.steps),
@@ -211,6 +213,7 @@ def _watcher(display: RunDisplay | None, consent: Consent) -> Watcher:
         notify=say_warning,
         keys=True,
         consent=consent,
+        opened=shown_beside(view, display.say) or nothing,
     )
 
 

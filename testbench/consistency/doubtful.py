@@ -29,6 +29,8 @@ from testbench.consistency.traits import (
     repeated_rows,
     zero_rows,
 )
+from testbench.consistency.wraps import LONGEST as LONGEST_WRAP
+from testbench.consistency.wraps import may_wrap, wrapped_rows
 from testbench.frames import NANOSECONDS, STANDARD_GRAVITY
 from testbench.records.session.manifest import FullScale
 from testbench.records.session.samples import ImuSamples
@@ -37,7 +39,7 @@ from testbench.records.specs.exclusion import Exclusion
 SATURATED, NOT_FINITE, BEYOND = "saturated", "not finite", "beyond any sensor"
 ZEROS, STUCK, CLIPPED, SPIKE = "zeros", "stuck", "clipped", "spike"
 STUCK_AXIS = "stuck axis"
-STRAIGHT = "straight"
+STRAIGHT, WRAPPED = "straight", "wrapped"
 NO_UNIT = "quaternion not of unit length"
 EXCLUDED = "excluded: "
 """Before the reason that a person gives."""
@@ -175,6 +177,7 @@ class Gates:
         self._axis_runs = self._longest_axis_runs() if traits.has_noise else {}
         self._clips = {key: self._plateaus(traits.of[key]) for key in self._triads}
         self._lines = self._longest_lines() if traits.has_noise else {}
+        self._wraps = self._axes_that_wrap()
 
     def _longest_runs(self) -> dict[str, int]:
         """Longest honest run of repetitions of the triads whose noise shows [rows]."""
@@ -205,6 +208,16 @@ class Gates:
                     found[key, axis] = longest * own.repeated.period
         return found
 
+    def _axes_that_wrap(self) -> list[tuple[str, int]]:
+        """Axes that may have run over the ends of their registers."""
+        found = []
+        for key in self._triads if WRAPPED not in self._belief.keep else ():
+            own, least = self._traits.of[key], LEAST_FULL_SCALE.get(key, np.inf)
+            for axis, (low, high) in enumerate(zip(own.low, own.high, strict=True)):
+                if may_wrap(float(low), float(high), float(own.change[axis]), least):
+                    found.append((key, axis))
+        return found
+
     def _plateaus(self, own: QuantityTraits) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest readings that are clipped ones, shape (3,) each, infinite if none."""
         none = np.full(3, np.inf)
@@ -228,6 +241,7 @@ class Gates:
         kinds = (self._runs, self._axis_runs, self._lines)
         runs = [run + 1 for kind in kinds for run in kind.values()]
         holes = [self._longest_hole(key) + 1 for key in self._present]
+        holes += [LONGEST_WRAP] if self._wraps else []
         return min(max([int(NEARBY.max()) + 2, *runs, *holes]), LONGEST_RUN)
 
     def _longest_hole(self, key: str) -> int:
@@ -240,7 +254,7 @@ class Gates:
         """Whether any sample may be refused that a finding tells of: else nothing needs to be gone
         through again. What repeats over the end of a chunk counts as two runs here.
         """
-        if self._frozen:
+        if self._frozen or self._wraps:
             return True
         for key in self._triads:
             own, (low, high) = self._traits.of[key], self._clips[key]
@@ -257,6 +271,13 @@ class Gates:
             self._traits.of[key].axis_run[axis] >= longest
             for (key, axis), longest in self._axis_runs.items()
         )
+
+    @property
+    def may_leave_range(self) -> bool:
+        """Whether any reading may be one that a sensor gives beyond its range."""
+        clipped = any(np.isfinite(ends).any() for ends in self._clips.values())
+        stated = any(self._belief.range_of(key) is not None for key in self._triads)
+        return bool(self._wraps) or clipped or stated or self._traits.saturated
 
     def slower(self) -> dict[str, float]:
         """Triads whose readings are new in one of several rows only, and in how many [rows]."""
@@ -291,6 +312,12 @@ class Gates:
             self._unreadable(doubts, key, getattr(samples, key))
         for key in self._triads:
             self._clipped(doubts, key, getattr(samples, key))
+        for key, axis in self._wraps:
+            own = self._traits.of[key]
+            column = getattr(samples, key)[:, axis]
+            rows = wrapped_rows(column, float(own.low[axis]), float(own.high[axis]))
+            if len(rows):
+                doubts.add(WRAPPED, rows, key)
         self._marked(doubts, samples)
         self._zeros(doubts, samples)
         self._repeated(doubts, samples)

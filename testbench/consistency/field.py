@@ -38,7 +38,10 @@ def check_field(looked: Looked, has_gyr: bool) -> None:
     gravity = looked.by_gravity
     if not has_gyr or (gravity is not None and gravity.scale != 1.0):
         return
-    reading = read_against(looked.excerpt, mag, looked.seconds, looked.rests.bias)
+    known = gravity is not None and gravity.turns
+    reading = read_against(
+        looked.excerpt, mag, looked.seconds, looked.rests.bias, scale_known=known
+    )
     if reading is None:
         looked.unchecked.append("magnetometer: axes")
         return

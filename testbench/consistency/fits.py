@@ -239,16 +239,13 @@ class Pair:
             one: The reading, shape (3, 3).
             bias: To begin with, shape (3,) [rad/s].
         """
-        step = 0.005
+        step, slopes = 0.005, None
         for _ in range(2):
             begin = self.deviations(scale, one, bias)
-            slopes = np.stack(
-                [
-                    (self.deviations(scale, one, bias + step * axis) - begin) / step
-                    for axis in np.eye(3)
-                ],
-                axis=-1,
-            )
+            if slopes is None:
+                # once: they hardly change over what a bias can be, and cost three times as much
+                turned = [self.deviations(scale, one, bias + step * axis) for axis in np.eye(3)]
+                slopes = np.stack([(each - begin) / step for each in turned], axis=-1)
             # windows that something shakes count less
             weight = 1 / (
                 np.sum(begin**2, axis=(1, 2)) / begin.shape[1] + (FLOOR * self.usual) ** 2
@@ -320,6 +317,7 @@ def read_against(
     seconds: float,
     rest_bias: np.ndarray | None,
     scales: tuple[float, ...] = (),
+    scale_known: bool = False,
 ) -> Reading | None:
     """The reading of a gyroscope by the first kind of windows that shows one; None without windows.
 
@@ -329,6 +327,7 @@ def read_against(
         seconds: Of a step.
         rest_bias: What the gyroscope reads at rest, shape (3,) [rad/s]; None if it never rests.
         scales: Only windows in which one of these shows turning, in `FEW_WINDOWS`; any if empty.
+        scale_known: Whether the scale of the gyroscope is known to be right, and no other tried.
     """
     first = None
     for pair in Pair.all_of(excerpt, vectors, seconds):
@@ -336,7 +335,7 @@ def read_against(
             pair = pair.few
             if not _may_turn(pair, rest_bias, scales):
                 continue
-        reading = read_gyroscope(pair, rest_bias)
+        reading = read_gyroscope(pair, rest_bias, scale_known)
         if reading.turns:
             return reading
         first = reading if first is None else first
@@ -355,20 +354,22 @@ def _may_turn(pair: Pair, rest_bias: np.ndarray | None, scales: tuple[float, ...
     return False
 
 
-def read_gyroscope(pair: Pair, rest_bias: np.ndarray | None) -> Reading:
+def read_gyroscope(pair: Pair, rest_bias: np.ndarray | None, scale_known: bool = False) -> Reading:
     """Find the reading of a gyroscope that fits another triad best.
 
     Args:
         pair: The two of them.
         rest_bias: What the gyroscope reads at rest, shape (3,) [rad/s]; None if it never rests.
+        scale_known: Whether its scale is known to be right, and no other tried.
     """
     nothing = pair.scatter(0.0, maps=MAPS[:1]).logs[0]
     bias = np.zeros(3) if rest_bias is None else rest_bias
     within = BIAS_WITHIN if rest_bias is None else REST_WITHIN
     found = _with_bias(pair, 1.0, bias, within)
     sure = found.best == IDENTITY and is_clear(nothing, found.logs[IDENTITY], found.independent)
+    sure = scale_known or (sure and _is_right_scale(pair, bias, rest_bias is None))
     tried = [(1.0, found)]
-    if not sure or not _is_right_scale(pair, bias, rest_bias is None):
+    if not sure:
         some = pair.few
         scales = [*SCALES, *_other_factors(some, bias)]
         likely = [scale for scale in scales if _least(some.scatter(scale, bias)) < _least(found)]

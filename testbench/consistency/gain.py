@@ -63,11 +63,12 @@ def find_gain(pair: Pair, bias: np.ndarray) -> Gain | None:
     gain, own_bias, error = _refined(pair, begin, bias)
     if not RANGE[0] < gain < RANGE[1]:
         return None
+    if abs(np.log(gain)) <= np.log1p(GAIN_WITHIN) + LEAST_ERRORS * error:
+        return Gain(gain, error, False)
     as_is = pair.fitted_bias(1.0, np.eye(3), bias)
     worse = pair.scatter(1.0, as_is, plain).logs[0]
     found = pair.scatter(gain, own_bias, plain)
-    far = abs(np.log(gain)) > np.log1p(GAIN_WITHIN) + LEAST_ERRORS * error
-    return Gain(gain, error, bool(far and is_clear(worse, found.logs[0], found.independent)))
+    return Gain(gain, error, is_clear(worse, found.logs[0], found.independent))
 
 
 def _coarse(pair: Pair, bias: np.ndarray) -> float | None:

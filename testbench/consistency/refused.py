@@ -6,17 +6,23 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
+from testbench.consistency import Consistency
 from testbench.consistency.doubtful import (
     BEYOND,
+    BIT,
     CLIPPED,
     EXCLUDED,
+    SATURATED,
     SPIKE,
     STRAIGHT,
     STUCK,
     STUCK_AXIS,
+    WRAPPED,
     ZEROS,
     Belief,
+    Doubts,
     Gates,
+    without,
 )
 from testbench.consistency.traits import Traits
 from testbench.frames import NANOSECONDS
@@ -32,6 +38,7 @@ CODES = {
     CLIPPED: "samples.clipped",
     SPIKE: "samples.spike",
     STRAIGHT: "samples.straight",
+    WRAPPED: "samples.wrapped",
     BEYOND: "samples.beyond",
 }
 """Findings of the reasons that a person may know better than."""
@@ -41,6 +48,10 @@ WORDS = {
     "mag": "magnetometer",
     "device_q": "quaternion",
 }
+OUT_OF_RANGE = (CLIPPED, SATURATED, WRAPPED)
+"""Reasons that no unit or scale which was taken wrongly gives: such readings are no evidence of
+either.
+"""
 PIECE = 131_072
 """Samples of a recording that are in memory at once."""
 
@@ -115,10 +126,15 @@ class Refusals:
 
     Args:
         belief: What a person says of them.
+
+    Attributes:
+        in_range: What the quantities say of one another where none is out of its range; None as
+            long as no sample was found to be.
     """
 
     def __init__(self, belief: Belief):
         self._belief, self._traits = belief, Traits(belief.has_noise)
+        self.in_range: Consistency | None = None
 
     def watch(self, chunks: Iterable[ImuSamples]) -> Iterator[ImuSamples]:
         """The chunks as they are, each learned from before it goes on."""
@@ -134,8 +150,23 @@ class Refusals:
         """
         gates = Gates(self._traits, self._belief)
         tally = Tally(gates)
+        in_range = Consistency()
         for piece, own in file.pieces(PIECE, gates.margin) if gates.suspects else ():
             doubts = gates.doubt(piece)
             flags = {reason: flag[own] for reason, flag in doubts.flags.items()}
             tally.add(flags, piece.host_time_ns[own], doubts.quantities)
+            if gates.may_leave_range:
+                in_range.look(_in_range(piece, doubts).rows(own))
+        if any(tally.counts.get(reason) for reason in OUT_OF_RANGE):
+            self.in_range = in_range
         return tally.findings()
+
+
+def _in_range(samples: ImuSamples, doubts: Doubts) -> ImuSamples:
+    """Samples whose quantities are NaN where they were out of their range."""
+    lost = np.zeros(len(samples), dtype=np.uint8)
+    for reason in OUT_OF_RANGE:
+        if reason in doubts.flags:
+            marks = sum(BIT[key] for key in doubts.quantities[reason])
+            lost[doubts.flags[reason]] |= marks
+    return without(samples, lost)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from testbench.consistency.straight import chance_of, straight_rows, tolerance_of
+from testbench.consistency.wraps import largest_change
 from testbench.frames import STANDARD_GRAVITY
 from testbench.records.session.samples import ImuSamples
 
@@ -140,6 +141,7 @@ class QuantityTraits:
         low_run: Longest run of rows at the smallest reading, shape (k,).
         high_run: Longest run of rows at the largest reading, shape (k,).
         axis_run: Longest run of repetitions of each axis, shape (k,).
+        change: Largest change of each axis from a row to the next, shape (k,).
         twins: Pairs of axes that read the same in every row.
     """
 
@@ -154,6 +156,7 @@ class QuantityTraits:
     low_run: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
     high_run: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
     axis_run: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
+    change: np.ndarray = field(default_factory=lambda: np.zeros(3))
     twins: list[tuple[int, int]] = field(default_factory=lambda: [(0, 1), (0, 2), (1, 2)])
     _noise: list[np.ndarray] = field(default_factory=list)
     _waiting: list[np.ndarray] = field(default_factory=list)
@@ -213,6 +216,7 @@ class QuantityTraits:
             if held is None:
                 held = np.flatnonzero(column[1:] == column[:-1])
             self.axis_run[k] = max(int(self.axis_run[k]), longest_of(held))
+            self.change[k] = max(float(self.change[k]), largest_change(column))
         for extreme, own, runs, beats in (
             (low, self.low, self.low_run, low < self.low),
             (high, self.high, self.high_run, high > self.high),
@@ -375,14 +379,20 @@ class Traits:
 
     Args:
         has_noise: False for a model without noise, which no repetition can be held against.
+
+    Attributes:
+        has_noise: See above.
+        of: By quantity.
+        saturated: Whether the sensor itself marks any sample as saturated.
     """
 
     def __init__(self, has_noise: bool = True):
-        self.has_noise = has_noise
+        self.has_noise, self.saturated = has_noise, False
         self.of = {key: QuantityTraits(key) for key in QUANTITIES}
 
     def add(self, samples: ImuSamples) -> Traits:
         """Take note of the next samples."""
+        self.saturated = self.saturated or bool(samples.saturated.any())
         for key, own in self.of.items():
             array = getattr(samples, key)
             if array is not None:

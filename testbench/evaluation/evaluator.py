@@ -62,6 +62,7 @@ from testbench.records.session.layout import (
     magnetic_table,
     orientation_table,
 )
+from testbench.records.session.manifest import ENDED
 from testbench.records.session.plan import PlannedStep, judged_steps
 from testbench.records.session.samples import Truth
 from testbench.records.session.sensor_file import SensorFile
@@ -70,13 +71,6 @@ from testbench.records.specs.protocol import BodyJoint, Estimation
 
 MOST_OF_THE_ARM = 200_000
 """Instants of a long campaign at which its budgets look at the arm."""
-ENDED = {
-    RunStatus.RUNNING: "the recording was not closed",
-    RunStatus.ERROR: "the run ended in an error",
-    RunStatus.INTERRUPTED: "the run was interrupted",
-    RunStatus.ABORTED: "the run was aborted",
-}
-"""How a run ended that is not complete."""
 LEFT_OUT = {"after a gap": "judged.after_gap"}
 """Codes of findings on samples that were left out, by the reason, where one says more."""
 NORM_MEANING = "error of the mean specific force at rest against standard gravity"

@@ -46,7 +46,7 @@ def record_devices(
         logs: Folder that sessions are made in.
         duration_s: Length [s]; None records until Ctrl-C, which then is the normal end.
         name: Of the recording.
-        options: `clock`, `progress` (about once a second) and `say` of a run.
+        options: `clock`, `progress` (about once a second), `say` and `opened` of a run.
 
     Raises:
         InputError: The name cannot stand in a file name, or the duration is not positive.
@@ -68,6 +68,7 @@ def record_devices(
         devices.kickoff()  # before there is a folder: a device that cannot be opened leaves none
         folder = dated_folder(Path(logs), name, clock)
         recorder = DeviceRecorder(folder, name, devices.imus, clock, duration_s)
+        options.opened(recorder.path)
         meter = SampleMeter(duration_s, recorder.counts, options.progress)
         arm, sensors = NoArm(devices.time, duration_s), Sensors(devices.imus, devices)
         return RunLoop(arm, sensors, recorder, meter, options).run()

@@ -76,6 +76,7 @@ def execute_on_arm(
             options.notify(arm.notice)
         arm.check_way(plan, options.steps)
         recorder = RunRecorder(plan, arm, sensors, options)
+        options.opened(recorder.path)
         meter = ProgressMeter(plan, recorder.steps, options.progress)
         return RunLoop(arm, sensors, recorder, meter, options, plan).run()
     finally:

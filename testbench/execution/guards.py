@@ -99,6 +99,7 @@ class GuardWatch:
     Attributes:
         counts: How often each limit was broken, told or not, by "guard of subject".
         told: How often that was told.
+        shares: How much of its limit each guard last came to, by guard and subject; 1 is the limit.
     """
 
     def __init__(self, guards: Guards, sensors: list[str], live: bool = False):
@@ -108,6 +109,7 @@ class GuardWatch:
         self._now_ns = 0
         self.counts: Counter[str] = Counter()
         self.told: Counter[str] = Counter()
+        self.shares: dict[tuple[str, str], float] = {}
 
     @property
     def summary(self) -> str:
@@ -169,6 +171,8 @@ class GuardWatch:
         setting: Guard = getattr(self.guards, guard)
         if setting.action == "off" or value is None:
             return
+        used = value / setting.limit
+        self.shares[guard, subject] = 1 / max(used, 0.01) if low else used
         broken = value < setting.limit if low else value > setting.limit
         known = self._limits.setdefault((guard, subject), _Limit())
         if broken:

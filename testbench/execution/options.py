@@ -14,7 +14,7 @@ from testbench.records.session.plan import PlannedStep
 from testbench.records.session.session import Session
 
 
-def nobody(line: str) -> None:
+def nobody(what: object) -> None:
     """Nobody listens."""
 
 
@@ -42,6 +42,7 @@ class RunOptions:
         progress: Told after every reading how far the run is.
         notify: Told what a person must know of the arm, once it is connected.
         say: Told, a line at a time, what a person beside the arm must know.
+        opened: Told the folder of the session once it is one.
     """
 
     logs: str | Path = "logs"
@@ -58,3 +59,4 @@ class RunOptions:
     progress: Callable[[Progress], None] | None = None
     notify: Callable[[str], None] = nobody
     say: Callable[[str], None] = nobody
+    opened: Callable[[Path], object] = nobody

@@ -8,9 +8,17 @@ from testbench.exceptions import FileProblems, Problem
 from testbench.formats.mapping import TextLayout
 from testbench.formats.tables.array_table import ArrayTable
 from testbench.formats.tables.binary_kinds import HDF5, MATLAB, PARQUET, BinaryKind, binary_kind
+from testbench.formats.tables.bytes_stream import encoding_of
 from testbench.formats.tables.fields import BLANKS, split_line
+from testbench.formats.tables.monitor import written_in
 from testbench.formats.tables.parquet_table import ParquetTable
-from testbench.formats.tables.text_table import TextTable, decimal_of, guess_separator, head_of
+from testbench.formats.tables.text_table import (
+    TextTable,
+    decimal_of,
+    first_row,
+    guess_separator,
+    head_of,
+)
 
 Table = TextTable | ParquetTable | ArrayTable
 _SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": BLANKS}
@@ -101,6 +109,10 @@ def _text_table(file: Path, layout: TextLayout) -> TextTable:
     )
     titles = split_line(lines[at].lstrip("#% ") if layout.header else lines[at], separator)
     data = at + 1 + layout.lines_below_header if layout.header else at
+    written = written_in(file, encoding_of(file, encoding))
+    if written is not None and written.titles and layout.header:
+        titles, data = written.titles, first_row(lines, len(written.titles))
+        separator = guess_separator(lines[data])
     stated = {"point": ".", "comma": ","}.get(layout.decimal)
     decimal = stated or decimal_of(lines[data:], separator)
     names = titles if layout.header else [str(i + 1) for i in range(len(titles))]

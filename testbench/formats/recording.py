@@ -19,6 +19,7 @@ from testbench.consistency.refused import Refusals
 from testbench.exceptions import FileProblems, Problem, StorageError
 from testbench.formats.dates import Recorded
 from testbench.formats.holes import Holes
+from testbench.formats.lost_rows import LostRows
 from testbench.frames import NANOSECONDS
 from testbench.records.disk.replacing import disk_reason, replaced_folder
 from testbench.records.disk.tables import to_arrow, write_parquet_batches
@@ -205,14 +206,15 @@ def _write(writer: SessionWriter, recording: Recording) -> None:
         consistency = Consistency()
         up = Up(sensor.details.get("hemisphere"), by_truth=sensor.truth is not None)
         refusals = Refusals(_belief(recording.analysis, sensor))
-        path, holes = writer.path / table_file(imu_stream(name)), Holes()
+        path, holes, rows = writer.path / table_file(imu_stream(name)), Holes(), LostRows()
         counts[name], first, last = _write_samples(
-            path, refusals.watch(consistency.watch(holes.watch(sensor.chunks)))
+            path, refusals.watch(consistency.watch(rows.watch(holes.watch(sensor.chunks))))
         )
-        own = holes.findings() + consistency.findings(up)
+        refused = refusals.findings(SensorFile(path))
+        own = holes.findings() + rows.findings() + (refusals.in_range or consistency).findings(up)
         if recording.answered is not None:
             refuse_contradictions(name, own, recording.answered)
-        own += refusals.findings(SensorFile(path))
+        own += refused
         findings += [one.at(name) for one in own]
         begin, end = min(begin, first), max(end, last)
         findings += [found.at(name) for found in (*sensor.findings, *sensor.told())]

@@ -138,7 +138,9 @@ def _stamps(source: Source, layout: Layout, name: str, options: Options) -> Stam
         raise source.problem(
             f"sensor '{name}' has no column of times; state its sampling rate with --rate HZ"
         )
-    return Stamps(lambda: RegularTime(rate), [])
+    by_hand = options.rate is not None
+    said = [finding("time.by_rows", rate_hz=rate, who="--rate")] if by_hand else []
+    return Stamps(lambda: RegularTime(rate), said)
 
 
 def asked_stamps(

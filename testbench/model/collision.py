@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import coal
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull
 
 from testbench.model.kinematics import Kinematics
 
@@ -168,15 +167,25 @@ def solids(kinematics: Kinematics, q: np.ndarray) -> list[Solid]:
         if points is None:
             continue
         points = points * np.asarray(body.meshScale) if _is_mesh(body.geometry) else points
-        hull = ConvexHull(_coarse(points))
-        corners, triangles = hull.points, hull.simplices.copy()
-        a, b, c = (corners[triangles[:, i]] for i in range(3))
-        inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
-        triangles[inwards] = triangles[inwards][:, ::-1]
+        corners, triangles = _hull(_coarse(points))
         in_base = corners @ pose.rotation.T + pose.translation
         in_world = in_base @ base.R.T + base.position
         found.append(Solid(str(model.frames[body.parentFrame].name), in_world, triangles))
     return found
+
+
+def _hull(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners and triangles of a convex hull, counter-clockwise seen from outside, by
+    Coal, which is loaded anyway.
+
+    Args:
+        points: Shape (n, 3) [m].
+    """
+    given = coal.StdVec_Vec3s()
+    given.extend(list(points))
+    hull = coal.Convex.convexHull(given, True, "Qt")
+    faces = (hull.polygons(i) for i in range(hull.num_polygons))
+    return np.array(hull.points()), np.array([[face[k] for k in range(3)] for face in faces])
 
 
 def _is_mesh(shape: coal.CollisionGeometry) -> bool:

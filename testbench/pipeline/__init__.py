@@ -5,8 +5,11 @@
   `resume`, `kept_analysis`.
 - `analyse`: estimate, evaluate and report a recording; with `loaded_analysis`, `kept_estimate`,
   `repeats`, `summaries`; `gait`: reckon a walk; `audit`: sampling and axes of its sensors.
+- `certificate`: issue a certificate of it.
 - `compare`: two sides of sessions, which `sides` finds.
 - `show`: look at a recording; `exports`: write it for other programs.
+- `follow`: look at one while another process makes it, with `live_session`, `live_sensor`,
+  `live_words`; `beside`: start who does.
 - `calibrate`, `noise`, `noise_preset`, `tune`, `parameter_space`: what sensors and filters are
   found to be; `design`: poses and turns that would tell it best.
 - `record`, `bring_in`, `simulate`: other ways to a recording; `body_request`: the joints asked

@@ -22,7 +22,6 @@ from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.results.evaluation_rows import PlateauRow
 from testbench.records.session.layout import PRINTED, REPORT
-from testbench.records.session.plan import Plan
 from testbench.records.session.session import Session
 from testbench.records.session.session_lock import session_locked
 from testbench.records.specs.band import load_band
@@ -34,7 +33,6 @@ class Result:
     """What a run came to.
 
     Attributes:
-        plan: That was run; None where a recording was analysed.
         session: The recording.
         estimate: Of it.
         evaluation: Of that.
@@ -43,7 +41,6 @@ class Result:
         exports: Files for other programs that were asked for.
     """
 
-    plan: Plan | None
     session: Session
     estimate: Estimate
     evaluation: Evaluation
@@ -66,14 +63,14 @@ class Result:
 def analyse(
     session: Session,
     asked: AnalysisRequest | LoadedAnalysis | None = None,
-    plan: Plan | None = None,
+    whatever: bool = False,
 ) -> Result:
     """Estimate, evaluate, report and export.
 
     Args:
         session: The recording.
         asked: How; as the protocol says if None.
-        plan: That was run, for the result.
+        whatever: Also where no filter can run; see `LoadedAnalysis.estimate`.
 
     Raises:
         InputError: Filters were named of a recording, or one to compare with, and none can run; an
@@ -83,7 +80,7 @@ def analyse(
         asked if isinstance(asked, LoadedAnalysis) else load_analysis(asked or AnalysisRequest())
     )
     give_back()
-    estimated = loaded.estimate(session, whatever=plan is not None)
+    estimated = loaded.estimate(session, whatever)
     estimated.save(session.path)
     give_back()
     evaluated = evaluate(session, estimated, loaded.settings(session))
@@ -94,7 +91,7 @@ def analyse(
     exports = [export_estimate(session, wanted, estimated) for wanted in loaded.asked.exports]
     write_summaries((session, evaluated), loaded.asked.markdown, loaded.asked.junit)
     printed = _printed(page) if page is not None and loaded.asked.printed else None
-    return Result(plan, session, estimated, evaluated, page, exports, printed)
+    return Result(session, estimated, evaluated, page, exports, printed)
 
 
 def examine(
@@ -116,7 +113,7 @@ def examine(
     estimated = _with_errors(session, loaded, injected)
     evaluated = evaluate(session, estimated, loaded.settings(session))
     write_summaries((session, evaluated), loaded.asked.markdown, loaded.asked.junit)
-    return Result(None, session, estimated, evaluated, None)
+    return Result(session, estimated, evaluated, None)
 
 
 def judge_plateaus(

@@ -37,7 +37,9 @@ def record(asked: RecordRequest, watcher: Watcher | None = None) -> Session:
     )
     length = "until Ctrl-C" if asked.duration_s is None else f"for {asked.duration_s:g} s"
     watcher.notify(f"connecting {', '.join(devices.imus)}, then recording {length}")
-    options = RunOptions(clock=watcher.clock, progress=watcher.progress, say=watcher.say)
+    options = RunOptions(
+        clock=watcher.clock, progress=watcher.progress, say=watcher.say, opened=watcher.opened
+    )
     return record_devices(devices, asked.logs, asked.duration_s, asked.name, options)
 
 

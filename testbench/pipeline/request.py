@@ -8,13 +8,14 @@ a real arm to do is a `Consent`, given for one run and never stored. Files are n
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from testbench.drivers.arms.catalogue import SIM
 from testbench.model.integrators import Stages
 from testbench.records.specs.asked import Asked, Place
+from testbench.records.specs.laboratory import Statement
 from testbench.records.specs.strict import EulerSequence
 
 
@@ -161,9 +162,39 @@ class Request(Asked):
 class ViewRequest(Asked):
     """How a session is looked at: in a window if nothing else is said."""
 
-    web: bool = Field(default=False, description="Serve to a browser instead.")
+    web: bool = Field(default=False, description="Serve to browsers instead.")
+    port: int | None = Field(
+        default=None, ge=1, le=65535, description="Of the page; 9090, or a free one, if null."
+    )
+    bind: str = Field(
+        default="127.0.0.1",
+        min_length=1,
+        description="Address of this machine that the viewer listens at.",
+    )
     save: Place | None = Field(default=None, description="A .rrd file to write instead.")
     screenshot: Place | None = Field(default=None, description="A .png file to write instead.")
+    time_s: float | None = Field(
+        default=None,
+        description="Instant of the picture [s]; two thirds into the longest section if null.",
+    )
+    size: tuple[Annotated[int, Field(ge=200, le=8000)], Annotated[int, Field(ge=200, le=8000)]] = (
+        Field(default=(1920, 1200), description="Width and height of the picture [pixels].")
+    )
+    pane: str | None = Field(
+        default=None, description="The one pane that is shown, by its name; all if null."
+    )
+
+
+class FollowRequest(Asked):
+    """Which session is looked at while it is recorded."""
+
+    session: Place = Field(description="Folder of the session.")
+    view: ViewRequest = Field(
+        default=ViewRequest(), description="Where it is shown; no picture is drawn of it."
+    )
+    with_run: bool = Field(
+        default=False, description="A page is served only as long as the session is recorded."
+    )
 
 
 class CalibrationRequest(Asked):
@@ -230,6 +261,33 @@ class NoiseRequest(Asked):
         default=None,
         description="Preset, by name or file, that gives what a rest cannot show, such as ranges; "
         "that of the session's protocol if null.",
+    )
+
+
+class CertificateRequest(Asked):
+    """A certificate of a session: of what, by whom, and where it is kept."""
+
+    kind: Literal["noise", "calibration", "test"] = Field(description="What it is of.")
+    sensor: str | None = Field(
+        default=None,
+        description="Its name; may be null where the session has one, and of a test.",
+    )
+    calibration: Place | None = Field(
+        default=None,
+        description="Stored calibration that was made from the session, or a folder with it; "
+        "calibrated anew if null.",
+    )
+    analysis: AnalysisRequest = Field(
+        default=AnalysisRequest(), description="How a session is analysed that is tested."
+    )
+    laboratory: Place | None = Field(
+        default=None, description="File of laboratory data; the user's own if null."
+    )
+    stated: Statement = Field(default=Statement(), description="What is stated beside it.")
+    pdf: bool = Field(default=False, description="Whether to set its pages as well.")
+    out: Place | None = Field(
+        default=None,
+        description="PDF file, whose JSON lies beside it; one in the session's folder if null.",
     )
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from testbench.clock import Clock, SystemClock
@@ -54,6 +55,8 @@ class Watcher:
         notify: Told what a person must know of the arm, once it is connected, or which devices are.
         keys: Listen to the keyboard: p pauses, r resumes, q stops.
         consent: What a person allows.
+        opened: Told the folder of the session once it is one, before anything moves; what it does
+            must be quick.
     """
 
     clock: Clock = field(default_factory=SystemClock)
@@ -64,3 +67,4 @@ class Watcher:
     notify: Callable[[str], None] = nothing
     keys: bool = False
     consent: Consent = Consent()
+    opened: Callable[[Path], object] = nothing

@@ -32,9 +32,14 @@ from testbench.reporting.page.tables import (
     to_uncertainty,
     unit_words,
 )
+from testbench.reporting.sections.calibrated import (
+    MILLI_G,
+    figure_words,
+    gravity_errors,
+    sentence,
+)
 from testbench.reporting.sections.findings import finding_sentences
 
-MILLI_G = 1e3 / STANDARD_GRAVITY
 MOST_CORRELATED = 40
 """A correlation matrix of more parameters is not drawn."""
 UNITS = {
@@ -145,10 +150,10 @@ def _held_out(result: CalibrationResult) -> Section:
     rows = [
         Row(
             [
-                label(_words(name)[0]),
+                label(figure_words(name)[0]),
                 text(triad),
-                significant(value, 4) if _words(name)[1] else number(value, 0),
-                text(_words(name)[1]),
+                significant(value, 4) if figure_words(name)[1] else number(value, 0),
+                text(figure_words(name)[1]),
             ]
         )
         for triad, found in result.calibration.triads.items()
@@ -173,7 +178,7 @@ def _held_out(result: CalibrationResult) -> Section:
             )
         )
     section.blocks += _beside_published(result)
-    section.blocks += [Sentence(_sentence(remark)) for remark in result.remarks]
+    section.blocks += [Sentence(sentence(remark)) for remark in result.remarks]
     return section
 
 
@@ -190,21 +195,6 @@ def _model(result: CalibrationResult) -> Section:
         )
     section.blocks += finding_sentences(found)
     return section
-
-
-def _sentence(remark: str) -> str:
-    return f"{remark[:1].upper()}{remark[1:]}."
-
-
-SUFFIXES = {"_mm_s2": "mm/s²", "_mg": "mg", "_deg": "deg", "_ut": "µT"}
-
-
-def _words(name: str) -> tuple[str, str]:
-    """A figure's name in words, and its unit."""
-    for suffix, unit in SUFFIXES.items():
-        if name.endswith(suffix):
-            return name.removesuffix(suffix).replace("_", " ").replace("rms", "RMS"), unit
-    return name.replace("_", " "), ""
 
 
 def _beside_published(result: CalibrationResult) -> list[Block]:
@@ -276,7 +266,7 @@ def _triad(triad: str, found: TriadCalibration) -> Section:
     )
     for fit in found.fits:
         section.blocks += [_parameters(fit), *_correlation(fit)]
-    section.blocks += [Sentence(_sentence(remark)) for remark in found.remarks]
+    section.blocks += [Sentence(sentence(remark)) for remark in found.remarks]
     return section
 
 
@@ -361,13 +351,8 @@ def _mounting(found: MountingCalibration) -> Section:
         "their own corrections.",
     )
     return Section(
-        "mounting", "Mounting", [table, *(Sentence(_sentence(remark)) for remark in found.remarks)]
+        "mounting", "Mounting", [table, *(Sentence(sentence(remark)) for remark in found.remarks)]
     )
-
-
-def _norm_errors(readings: np.ndarray) -> np.ndarray:
-    """Of the length of gravity, shape (n,) [mg]."""
-    return (np.linalg.norm(readings, axis=1) - STANDARD_GRAVITY) * MILLI_G
 
 
 def _pose_figures(result: CalibrationResult) -> list[Block]:
@@ -375,7 +360,7 @@ def _pose_figures(result: CalibrationResult) -> list[Block]:
     poses = result.poses
     if len(poses.start) < 2:
         return []
-    before, after = _norm_errors(poses.raw), _norm_errors(poses.corrected)
+    before, after = gravity_errors(poses.raw), gravity_errors(poses.corrected)
     numbers = list(range(1, len(before) + 1))
     curves = [
         Curve(

@@ -80,10 +80,11 @@ def render_study(study: StudyRecord, folder: Path | None = None) -> str:
         folder: That it will lie in, for links to the sessions; without one they are named alone.
     """
     sections = [_answer(study)]
+    titles = {table.key: table.title for table in study.tables}
     for i, table in enumerate(study.tables):
         blocks: list[Block] = [_table(table)]
         blocks += [Sentence(table.why)] if table.why else []
-        blocks += [_reasons(table)] if table.reasons else []
+        blocks += [_reasons(table, titles)] if table.reasons else []
         sections.append(Section(f"table{i}", table.title, blocks))
     further = _figures(study)[MOST_ANSWERING:]
     if further:
@@ -265,12 +266,18 @@ def _spreads(table: StudyTable) -> str:
     return ours + theirs
 
 
-def _reasons(table: StudyTable) -> Table:
-    """Why ours and the published values may differ, and what runs say of it."""
-    rows = [
-        Row([label(reason.verdict), text(reason.claim, kind="wide"), text(reason.run, kind="wide")])
-        for reason in table.reasons
-    ]
+def _reasons(table: StudyTable, titles: dict[str, str]) -> Table:
+    """Why ours and the published values may differ, and what runs say of it.
+
+    Args:
+        table: Whose values they are.
+        titles: Of all tables, by key.
+    """
+    rows = []
+    for reason in table.reasons:
+        shown_by = titles.get(reason.run, reason.run)
+        cells = [text(reason.claim, kind="wide"), text(shown_by, kind="wide")]
+        rows.append(Row([label(reason.verdict), *cells]))
     return Table(
         "Why they differ",
         [Cell(""), Cell("reason"), Cell("shown by")],

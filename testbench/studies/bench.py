@@ -134,7 +134,7 @@ class StudyBench:
         paths = run_side_by_side(
             asked, lambda done: self.say(f"{done} of {len(asked)} runs are done")
         )
-        results = [_kept(Session(path)) for path in paths]
+        results = [kept_result(path) for path in paths]
         n = self.parts
         return {name: results[i * n : (i + 1) * n] for i, name in enumerate(protocols)}
 
@@ -193,11 +193,14 @@ class StudyBench:
         return {**named, "seed": self.seed, "parts": self.parts}
 
 
-def _kept(session: Session) -> Result:
-    """What a run of another process left."""
-    report = session.path / REPORT
+def kept_result(path: str | Path) -> Result:
+    """What a run of another process left, or an earlier one.
+
+    Args:
+        path: Folder of its session, with estimate and evaluation.
+    """
+    session, report = Session(path), Path(path) / REPORT
     return Result(
-        None,
         session,
         Estimate.load(session.path),
         Evaluation.load(session.path),

@@ -197,3 +197,25 @@ def test_gaps_of_three_seconds_are_no_faults(motion, of_the_truth):
         samples = replace(samples, gyr=np.where(lost[:, None], np.nan, samples.gyr))
     assert find_faults(samples, samples.device_time_ns, truth).findings == []
     assert _all(samples, truth) == []
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.025])
+@pytest.mark.parametrize("seed", range(4))
+def test_fast_turns_sampled_at_20_hz_are_no_parting(seed, delay):
+    """Instants of a rate, as many boards sample it; whoever does not say so is taken to average."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, 90, 0.0025)
+    pace = 2 * np.pi * rng.uniform(0.3, 0.9, 3)
+    angles = np.array([90, 60, 80]) * np.sin(t[:, None] * pace + rng.uniform(0, 6, 3))
+    q = Rotation.from_euler("ZYX", angles, degrees=True)
+    gyr = (q[:-1].inv() * q[1:]).as_rotvec() / 0.0025
+    gyr = gyr[::20] + rng.normal(0, 0.005, (len(gyr[::20]), 3))
+    samples = of_arrays(20.0, gyr, np.zeros_like(gyr), seconds=t[:-1:20] + 0.00125 + delay)
+    noise = Rotation.from_rotvec(0.003 * rng.standard_normal((len(t), 3)))
+    stamps = np.round(1e9 * t).astype(np.int64)
+    truth = Truth(stamps[::4], (q * noise).as_quat(scalar_first=True)[::4])
+    assert np.degrees(np.linalg.norm(gyr, axis=1).max()) > 300
+    read = samples.device_time_ns - round(1e9 * delay)
+    assert find_partings(samples, read, truth) == []
+    found = find_partings(samples, read, ramped(truth, 40, 4, 50))
+    assert found and max(np.degrees(own.angle) for own in found) == pytest.approx(50, abs=12)

@@ -174,13 +174,13 @@ def test_a_chain_of_which_nothing_is_judged_says_why(result):
 def test_the_truths_uncertainty_is_that_of_the_arms_joint(result):
     (budget,) = [b for b in result.evaluation.uncertainty if b.quantity == "angle"]
     assert (budget.owner, budget.section) == ("knee", "swing")
-    spec = result.plan.robot.spec
+    robot = result.session.robot
     once = {source.source: source for source in budget.sources}
     zero = once["kinematic calibration, knee"]
-    stated = np.degrees(result.plan.robot.joint_angle_uncertainty[0])
+    stated = np.degrees(robot.joint_angle_uncertainty[0])
     assert (zero.sensitivity, zero.contribution_deg) == (pytest.approx(1), pytest.approx(stated))
     assert once["repeatability of the arm"].contribution_deg == pytest.approx(
-        spec.servo.repeatability_deg
+        robot.spec.servo.repeatability_deg
     )
     assert budget.combined_deg == pytest.approx(
         np.sqrt(sum(s.contribution_deg**2 for s in budget.sources))
@@ -205,7 +205,7 @@ def test_zeros_that_encoders_do_not_see_are_the_error_that_the_budget_speaks_of(
     ]
     rows = [result.evaluation.chain[0] for result in results]
     drawn = [
-        np.degrees(SimulatedArm(result.plan.robot, seed, True).zero_errors[0])
+        np.degrees(SimulatedArm(result.session.robot, seed, True).zero_errors[0])
         for seed, result in enumerate(results)
     ]
     assert np.ptp(drawn) > 0.1

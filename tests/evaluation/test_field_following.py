@@ -158,7 +158,7 @@ def reduced(name: str, disturbed: bool) -> Any:
     return change
 
 
-@pytest.fixture(scope="module", params=["elbow_flexion", "elbow_dynamic"])
+@pytest.fixture(scope="module", params=["elbow_dynamic"])
 def pair(request, altered_protocol, run_protocol) -> tuple[Evaluation, Evaluation]:
     """The same protocol and seed with the arm's magnetic disturbance and without it: the noise is
     the same.

@@ -237,7 +237,7 @@ def test_an_integrating_sensor_reads_means_seen_in_its_axes_at_the_end(tmp_path)
 @pytest.mark.parametrize("sampling", ["instantaneous", "integrated"])
 def test_an_ideal_sensor_neither_leads_nor_lags(tmp_path, sampling):
     ran = run(tmp_path, "ur3e", 60.0, sampling)
-    evaluation = analyse(ran.session, analysis("gyro"), ran.plan).evaluation
+    evaluation = analyse(ran.session, analysis("gyro")).evaluation
     (row,) = [
         row.errors
         for row in evaluation.orientation_summary

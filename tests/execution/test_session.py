@@ -26,6 +26,7 @@ from testbench.records.disk.journal import journal_batches
 from testbench.records.disk.tables import read_parquet
 from testbench.records.session.samples import ArmSamples
 from testbench.records.session.session import RunStatus, Session, list_sessions
+from tests.asking import planned
 from tests.system.crashes import SEED, killed_at
 
 RAW = ["arm.parquet", "imu_hand.parquet", "truth_hand.parquet", "plan.parquet"]
@@ -62,10 +63,10 @@ def test_the_manifest_says_how_it_went_with_what_and_from_which_files(quick):
     assert manifest["status"] == "completed"
     assert manifest["seed"] == 1
     assert manifest["started_utc"] == "2026-01-02T03:04:05+00:00"
-    assert manifest["plan"]["hash"] == quick.plan.hash
+    assert manifest["plan"]["hash"] == planned("quick").hash
     assert set(manifest["sensors"]) == {"arm", "forearm"}
     assert {"numpy", "pin", "vqf", "imu-testbench"} <= set(manifest["software"])
-    assert manifest["duration_s"] == pytest.approx(quick.plan.duration + 1, abs=0.02)
+    assert manifest["duration_s"] == pytest.approx(planned("quick").duration + 1, abs=0.02)
     for name, digest in manifest["files"].items():
         assert hashlib.sha256((quick.session.path / name).read_bytes()).hexdigest() == digest, name
     assert {"arm.parquet", "imu_arm.parquet", "truth_arm.parquet", "events.jsonl"} <= set(
@@ -74,7 +75,7 @@ def test_the_manifest_says_how_it_went_with_what_and_from_which_files(quick):
 
 
 def test_protocol_and_robot_are_kept_verbatim(quick):
-    session, the_plan = quick.session, quick.plan
+    session, the_plan = quick.session, planned("quick")
     assert (
         session.path / "protocol.yaml"
     ).read_bytes() == the_plan.protocol.document.file.read_bytes()
@@ -164,11 +165,11 @@ def test_steps_start_settle_and_end_in_order_and_the_run_frames_them(quick):
     assert times == sorted(times)
     in_order = [(e.details["index"], e.event) for e in events if e.event.startswith("step_")]
     kinds = ("step_started", "step_settled", "step_ended")
-    assert in_order == [(i, kind) for i in range(len(quick.plan.steps)) for kind in kinds]
+    assert in_order == [(i, kind) for i in range(len(planned("quick").steps)) for kind in kinds]
 
 
 def test_the_steps_read_back_are_the_steps_planned(quick):
-    for found, planned in zip(quick.session.steps, quick.plan.steps, strict=True):
+    for found, wanted in zip(quick.session.steps, planned("quick").steps, strict=True):
         for key in (
             "index",
             "section",
@@ -180,7 +181,7 @@ def test_the_steps_read_back_are_the_steps_planned(quick):
             "settled_ns",
             "end_ns",
         ):
-            assert getattr(found, key) == getattr(planned, key)
+            assert getattr(found, key) == getattr(wanted, key)
 
 
 def test_a_second_run_in_the_same_second_gets_a_folder_of_its_own(tiny_plan, tmp_path, clock):

@@ -81,11 +81,11 @@ def measure(folder: Path, block: Path, repeats: int) -> tuple[int, float, float]
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_recording_and_it_is_much_faster_than_real_time(tmp_path):
-    write(tmp_path / "block.csv", 500_000)
+    write(tmp_path / "block.csv", 300_000)
     short, long = (measure(tmp_path, tmp_path / "block.csv", repeats) for repeats in (1, 4))
-    assert (short[0], long[0]) == (500_000, 2_000_000)
+    assert (short[0], long[0]) == (300_000, 1_200_000)
     # 40 bytes a sample, where rate and force alone have 48: on a busy machine the reader runs ahead
-    assert long[2] - short[2] < 60
+    assert long[2] - short[2] < 36
     assert long[1] > 20  # a hundred on an idle machine: see the benchmarks
 
 

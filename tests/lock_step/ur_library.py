@@ -74,6 +74,11 @@ class Rtde:
             self._bytes += self.line.recv(1 << 20)
         while len(self._bytes) >= 3:
             size, kind = struct.unpack_from(">HB", self._bytes)
+            # what is no package makes the library give up the connection
+            if size < 3 or (kind == DATA and size != 3 + self._packer.size):
+                self._bytes.clear()
+                self.line.close()
+                return
             if len(self._bytes) < size:
                 return
             payload = bytes(self._bytes[3:size])

@@ -84,7 +84,7 @@ def test_noise_behind_a_low_pass_has_its_density_and_no_bias_instability(cut_off
     density, bandwidth = [], []
     x = np.pi * cut_off / RATE
     folded = np.sqrt(x / np.tanh(x))  # the density at 0 Hz, with all that sampling folds onto it
-    for seed in range(8):
+    for seed in range(4):
         signal = low_passed(cut_off, round(seconds * RATE), seed)
         found = fit_noise(allan_deviation(signal, RATE))
         assert not found.bias_instability.found

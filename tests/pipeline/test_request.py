@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import weakref
 from math import pi
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from pydantic import ValidationError
 
 from testbench.emulation.request import EmulationRequest
 from testbench.exceptions import ArmRefused, FileProblems, InputError, NotFoundError
+from testbench.pipeline import run as running
+from testbench.pipeline.analyse import analyse
 from testbench.pipeline.design import design
 from testbench.pipeline.request import (
     AnalysisRequest,
@@ -167,6 +170,22 @@ def test_a_plan_made_once_serves_runs_that_differ_in_seed_and_report(tiny, tmp_p
     assert [result.report is not None for result in results] == [False, True]
     assert [result.session.manifest.seed for result in results] == [0, 1]
     assert all(found.plan is prepared.plan for found in seen)
+
+
+def test_the_plan_of_a_run_is_let_go_of_before_its_recording_is_analysed(
+    tiny, tmp_path, clock, monkeypatch
+):
+    """That of eight hours is as large as what an analysis keeps of a sensor."""
+    plans, held = [], []
+
+    def analysed(*asked, **how):
+        held.append(plans[0]() is not None)
+        return analyse(*asked, **how)
+
+    monkeypatch.setattr(running, "analyse", analysed)
+    watcher = Watcher(clock, lambda prepared: plans.append(weakref.ref(prepared.plan.trajectory)))
+    run(run_of(tiny, logs=tmp_path), watcher)
+    assert held == [False]
 
 
 def test_an_analysis_writes_the_exports_that_it_names(tiny, tmp_path, clock):

@@ -11,11 +11,17 @@ from testbench.exceptions import NotFoundError
 from testbench.records.disk.tables import rows_to_arrow
 from testbench.records.results.evaluation import TABLES
 from testbench.records.session.session import Session
+from tests.asking import planned
 
 
 def test_whoever_prints_a_record_reads_one_line(quick) -> None:
     result = quick
-    for record in (result.plan, Session(result.session.path), result.estimate, result.evaluation):
+    for record in (
+        planned("quick"),
+        Session(result.session.path),
+        result.estimate,
+        result.evaluation,
+    ):
         shown = repr(record)
         assert "\n" not in shown and len(shown) < 400
         assert shown.startswith(f"<{type(record).__name__} ")

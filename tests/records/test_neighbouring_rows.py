@@ -5,6 +5,8 @@ numbers.
 from __future__ import annotations
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,7 +16,6 @@ from testbench.model.truth import truth_at
 from testbench.pipeline.analyse import Result
 from testbench.records.disk import neighbouring_rows
 from testbench.records.disk.neighbouring_rows import Instants, read_near
-from testbench.records.disk.tables import write_parquet
 from testbench.records.session.session import Session
 
 
@@ -29,7 +30,7 @@ def test_interpolation_between_the_rows_that_were_read_is_that_between_all(
     times, instants = np.sort(np.array(times, np.int64)), np.sort(np.array(instants, np.int64))
     values = np.sin(times.astype(float))
     path = tmp_path_factory.mktemp("near") / "table.parquet"
-    write_parquet(path, {"host_time_ns": times, "value": values})
+    pq.write_table(pa.table({"host_time_ns": times, "value": values}), path, row_group_size=7)
     found = read_near(path, {"host_time_ns": "host_time_ns", "value": "value"}, instants)
     assert len(found["value"]) <= 3 * len(instants) + 2
     np.testing.assert_array_equal(

@@ -149,7 +149,7 @@ def test_spreads_settings_prints_and_other_definitions_are_seen(study):
     assert "imufilter, published settings, as printed (text) 0.287 ± 0.031 word" in page
     assert "published: of the norm 0.76 ± 0.05" in page
     assert "± is the standard deviation over 5 parts. Published: ± is the standard" in page
-    assert "candidate A heading. 4.3 open The rest. –" in page
+    assert "candidate A heading. Table 4.3 open The rest. –" in page
     assert row.ratio(0) is None
 
 

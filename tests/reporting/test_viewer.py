@@ -16,20 +16,34 @@ from PIL import Image
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.results.evaluation import ChainRow
 from testbench.records.specs.robot import load_robot
-from testbench.reporting.viewer import process, save_recording, screenshot, view
+from testbench.reporting.viewer import (
+    Picture,
+    Where,
+    process,
+    save_recording,
+    screenshot,
+    timeline,
+    view,
+)
 from testbench.reporting.viewer.process import ViewerError
-from testbench.reporting.viewer.recording import _drained
+from testbench.reporting.viewer.recording import drained
 from testbench.reporting.viewer.scene import (
     COLUMN,
-    PER_ROW,
+    MOST_ROWS,
     ROW,
     WIDE,
-    arrangement,
+    Cells,
+    axes_each,
     column_width,
     viewable_urdf,
 )
 from testbench.reporting.viewer.signals import chain_joints
-from testbench.reporting.viewer.timeline import TIMELINE, changing, every
+from testbench.reporting.viewer.timeline import (
+    TIMELINE,
+    departing,
+    every,
+    extremes,
+)
 from tests.reporting.conftest import Judged
 
 VULKAN = list(Path("/usr/share/vulkan/icd.d").glob("*.json"))
@@ -147,11 +161,32 @@ def test_meshes_are_found_and_collision_bodies_left_out(robot: str) -> None:
     assert all(file.is_absolute() and file.is_file() for file in files)
 
 
-def test_only_what_changes_is_kept() -> None:
-    values = np.array([[0.0], [0.0], [0.0], [1.0], [1.0], [1.0]])
-    assert changing(values, 1e-6).tolist() == [0, 2, 3, 5]
+def test_what_is_held_until_the_next_row_is_never_off_by_more_than_the_tolerance() -> None:
+    values = np.array([[0.0], [0.4], [0.9], [1.1], [1.1], [1.2], [3.0], [3.0]])
+    assert departing(values, 1.0).tolist() == [0, 3, 6, 7]
+    noisy = np.random.default_rng(1).normal(size=(1000, 2)).cumsum(axis=0)
+    rows = departing(noisy, 2.0)
+    held = noisy[rows[np.searchsorted(rows, np.arange(1000), side="right") - 1]]
+    assert np.abs(held - noisy).max() <= 2.0
+    assert 50 < len(rows) < 800
+
+
+def test_rates_are_brought_down_and_the_rows_of_long_recordings_bounded() -> None:
     assert every(np.arange(100) * 8_000_000, 25.0) == slice(None, None, 5)
     assert every(np.arange(100) * 80_000_000, 25.0) == slice(None, None, 1)
+    assert every(np.arange(100) * 80_000_000, 25.0, most=30) == slice(None, None, 4)
+
+
+def test_lines_of_long_plots_keep_their_extremes() -> None:
+    time = np.arange(10 * timeline.MOST_ROWS) * 10_000_000
+    lines = np.zeros((len(time), 3))
+    lines[123_456, 1], lines[222_222, 2] = 7.0, -3.0
+    times, fewer = extremes(time, lines)
+    assert len(times) == len(fewer) == timeline.MOST_ROWS
+    assert fewer[:, 1].max() == 7.0
+    assert fewer[:, 2].min() == -3.0
+    assert abs(times[np.argmax(fewer[:, 1])] - time[123_456]) < 200_000_000
+    np.testing.assert_array_equal(extremes(time[:100], lines[:100])[1], lines[:100])
 
 
 @pytest.mark.viewer
@@ -167,8 +202,7 @@ def test_a_picture_is_drawn_without_a_screen_and_nothing_stays(
         tmp_path / "view.png",
         quick.estimate,
         quick.evaluation,
-        time_s=12.0,
-        size=(1200, 800),
+        Picture(time_s=12.0, size=(1200, 800)),
     )
     pixels = np.asarray(Image.open(path).convert("RGB"))
     assert pixels.shape == (800, 1200, 3)
@@ -213,14 +247,8 @@ def test_the_viewer_listens_on_this_machine_only_and_reports_no_usage(
     program.chmod(0o755)
     monkeypatch.setattr(process, "viewer_program", lambda: program)
     told: list[str] = []
-    view(
-        quick.session,
-        web=True,
-        estimate=quick.estimate,
-        evaluation=quick.evaluation,
-        web_port=9999,
-        announce=told.append,
-    )
+    where = Where(web=True, port=9999)
+    view(quick.session, where, quick.estimate, quick.evaluation, told.append)
     arguments, settings = note.read_text(encoding="utf-8").split("\n", 1)
     assert arguments.startswith("--bind 127.0.0.1 ")
     assert "--web-viewer-port 9999" in arguments
@@ -346,10 +374,21 @@ def test_columns_move_apart_where_many_rows_make_the_axes_small() -> None:
             assert width == COLUMN or width * columns <= WIDE * ROW * rows + 1e-9
 
 
-def test_many_axes_go_on_in_the_next_row() -> None:
-    assert arrangement(2, 5) == (2, 5)
-    assert arrangement(2, 11) == (4, PER_ROW)
-    assert arrangement(0, 1) == (1, 1)
+def test_names_stand_apart_from_axes_and_from_one_another() -> None:
+    for sensors, axes in ((2, 12), (1, 5), (7, 3), (40, 2)):
+        cells = Cells(sensors, axes_each(sensors, axes))
+        found = [cells.places(s, a) for s in range(sensors) for a in range(cells.axes)]
+        for points in zip(*found, strict=True):
+            apart = np.abs(np.array(points)[:, None] - np.array(points)[None]).max(axis=-1)
+            assert apart[~np.eye(len(apart), dtype=bool)].min() > 0.2
+        assert all(np.abs(place - name).max() > 0.1 for place, name in found)
+        assert cells.rows <= MOST_ROWS and cells.rows * cells.columns >= sensors
+
+
+def test_of_many_filters_and_sensors_there_is_room_for_some_axes() -> None:
+    assert (axes_each(2, 12), axes_each(2, 3), axes_each(9, 12), axes_each(40, 12)) == (5, 3, 2, 1)
+    forty = Cells(40, 1)
+    assert (forty.rows, forty.columns) == (8, 5)
 
 
 def test_the_joints_of_a_chain_are_drawn_with_their_truth_the_worst_first(
@@ -381,7 +420,7 @@ def test_the_joints_of_a_chain_are_drawn_with_their_truth_the_worst_first(
 
 def test_a_recorder_that_a_full_disk_stops_is_not_waited_for():
     def recorded() -> None:
-        with _drained(Path("/dev/full")) as pipe, pipe.open("wb") as recorder:
+        with drained(Path("/dev/full")) as pipe, pipe.open("wb") as recorder:
             for _ in range(40):
                 recorder.write(bytes(100_000))
 

@@ -14,11 +14,11 @@ from testbench.records.results.study import StudyRecord
 from testbench.records.session.session import Session
 from testbench.records.specs.published import load_published_tables
 from testbench.studies import get_study
-from testbench.studies.bench import StudyBench
 from testbench.studies.beta_zeta.gains import MARG, TEXT, UPSTREAM
 from testbench.studies.beta_zeta.study import angle_of, step_difference
 from testbench.studies.beta_zeta.takes import takes_of
 from tests.studies.hostile import complaints, missing
+from tests.studies.shorter import ShortBench
 
 pytestmark = pytest.mark.slow
 
@@ -41,10 +41,15 @@ FIGURES += ["qw by several gains", "Jumps of the yaw", "Total error of the first
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory) -> StudyRecord:
-    return get_study("beta_zeta").run(
-        StudyBench(tmp_path_factory.mktemp("logs"), SystemClock(), seed=0, parts=2)
-    )
+def study(altered_protocol, tmp_path_factory) -> StudyRecord:
+    """Ten strides of twenty, one sitting down of three."""
+
+    def shorter(spec):
+        spec["variables"] |= {"strides": 10, "again": [1]}
+
+    files = {"beta_zeta": altered_protocol("beta_zeta", shorter)}
+    logs = tmp_path_factory.mktemp("logs")
+    return get_study("beta_zeta").run(ShortBench(logs, SystemClock(), parts=2, shorter=files))
 
 
 def test_published_gains_are_those_of_the_source():

@@ -140,7 +140,7 @@ def test_the_tables_hold_ours_beside_the_published(swung):
     simple = next(
         row for row in drift.rows if row.published[:1] == (50,) and "cycles 14" in row.label
     )
-    assert 0.7 < simple.ratio(0) < 1.1
+    assert simple.ratio(0) is None and "a walk" in simple.published_title
     # what was published of walks stands beside walks (test_walks), not beside swings
     assert [table.key for table in study.tables] == ["cycles", "drift"]
     assert ["gait_cycles 14, roll_deg 3" in figure.caption for figure in study.curves] == [

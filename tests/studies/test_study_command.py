@@ -10,7 +10,7 @@ import pytest
 from testbench.cli.studying import _with_spread, study
 from testbench.exceptions import InputError
 from testbench.records.results.study import StudyRecord
-from testbench.studies import STUDIES
+from testbench.studies import Study
 from testbench.studies.folder import new_folder
 from tests.processes import bench
 
@@ -79,15 +79,18 @@ def test_a_value_is_said_no_finer_than_its_spread():
 def test_every_publication_is_reproduced_and_says_where_its_report_lies(
     tmp_path, monkeypatch, capsys
 ):
-    chosen = {
-        name: entry for name, entry in STUDIES.items() if name in ("gimvebo", "reference-4")
-    }  # one has no publication
+    """Each that stands for one, in order; what they find is in the tests of each."""
+    names = ("reference-8", "gimvebo", "reference-4")  # one has no publication
+    chosen = {name: Study(name, "tiny", "tests.studies.tiny_study") for name in names}
     monkeypatch.setattr("testbench.studies.STUDIES", chosen)
-    study(None, tmp_path / "kept", 0, 1, reproduce=True, json=True)
-    (entry,) = json.loads(capsys.readouterr().out)["studies"]
-    assert StudyRecord.load(Path(entry["study"])).name == "reference-4"
-    assert Path(entry["report"]).is_file()
-    assert entry["seconds"] < 120 and "of the cycles" in entry["findings"][0]
+    study(None, tmp_path / "kept", 7, 2, reproduce=True, json=True)
+    entries = json.loads(capsys.readouterr().out)["studies"]
+    records = [StudyRecord.load(Path(entry["study"])) for entry in entries]
+    assert [record.name for record in records] == ["reference-4", "reference-8"]
+    for entry in entries:
+        assert "The first of 2 parts has seed 7." in Path(entry["report"]).read_text("utf-8")
+        assert entry["seconds"] < 60
+        assert entry["findings"] == ["The first of 2 parts has seed 7."]
 
 
 def test_a_folder_for_a_study_is_new_and_an_impossible_one_is_refused(tmp_path, clock):

@@ -16,12 +16,14 @@ from testbench.studies.pedestrian.walking import (
     loop_table,
     property_table,
     tuned_table,
+    variants_table,
 )
 from testbench.studies.pedestrian.walks import (
     LISTING,
     LOOP_TURNS,
     OURS,
     SIMPLE,
+    Extent,
     Walks,
     readings,
     walks_of_part,
@@ -74,10 +76,13 @@ def test_sensors_feel_what_a_walker_does():
     )
 
 
+EXTENT = Extent(loop=40, repetitions=2, runs=1)
+"""A third of the loop; what is asked of it does not hang on its length."""
+
+
 @pytest.fixture(scope="module")
 def walks() -> Walks:
-    found = walks_of_part(0)
-    other = walks_of_part(1)
+    found, other = walks_of_part(0, EXTENT), walks_of_part(1, EXTENT)
     return Walks([*found.reckoned, *other.reckoned], found.loop)
 
 
@@ -87,7 +92,7 @@ def test_the_shank_is_counted_and_an_arm_in_a_pocket_is_not(walks):
         assert one.cycle_error <= 3
     free = walks.of("loop", "wrist", "ngimu", LISTING)[0].cycle_error
     pocket = walks.of("hand in pocket: 30 %", "wrist", "ngimu", LISTING)[0].cycle_error
-    assert pocket > free + 20
+    assert pocket > free + 8  # of 40
 
 
 @pytest.mark.slow
@@ -117,9 +122,28 @@ def test_the_tables_stand_beside_the_published_ones(walks):
     row = tuned["shank, ngimu"]
     assert row.values[2] == pytest.approx(1.392 - 0.0294 * row.values[0], abs=0.05)
     assert row.published[2] == 0.35
-    assert len(property_table(walks).rows) == 3 * 14
+    assert len(property_table(walks).rows) == 3 * 15
     assert len(drift_of_walks(walks, printed["yaw drift"]).rows) == 10
     assert {curve.name for curve in loop_curves(walks).curves} >= {"walked", "shank", "wrist"}
+
+
+@pytest.mark.slow
+def test_a_force_that_is_trusted_whole_is_why_the_corrected_filter_drifts(walks):
+    table = variants_table(walks)
+    assert [reason.verdict for reason in table.reasons] == ["shown", "candidate"]
+    rows = {row.label: row.values for row in table.rows}
+    assert rows["corrected, forces exact to 0.05 rad"][1] < 0.3 * rows["corrected"][1]
+    assert rows[OURS][1] < 3 and {row.printed for row in table.rows} == {"", "text", "listing"}
+
+
+@pytest.mark.slow
+def test_a_chest_is_counted_never_or_twice(walks):
+    """Its swing of twice a gait cycle is below the threshold of 6 deg, or above."""
+
+    def counted(kind: str) -> int:
+        return len(walks.of(kind, "chest", "ngimu", LISTING)[0].swings)
+
+    assert counted("loop") < 5 and counted("swing of the chest: 6 deg") > 70
 
 
 def test_relative_errors_of_table_13_are_those_of_table_12_but_for_the_misprint():

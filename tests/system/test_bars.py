@@ -17,6 +17,7 @@ from testbench.model.imu import TriadModel
 from testbench.model.joint_angle import joint_angles, segment_orientation
 from testbench.model.kinematics import Kinematics, Pose
 from testbench.planning.expansion import expand
+from tests.asking import planned
 
 G = 9.80665
 # Castellanos Alonso (2023), table 5.6: mean |flexion error| of the vendor's filter at flexions of
@@ -48,7 +49,7 @@ def elbow_flexion(run_protocol):
 
 @pytest.fixture(scope="module")
 def the_plan():
-    return plan("elbow_flexion")
+    return planned("elbow_flexion")
 
 
 @pytest.fixture(scope="module")
@@ -330,17 +331,19 @@ def test_every_shipped_protocol_passes_its_checks(name):
     assert name != "quick" or check.duration_s < 30
 
 
-def test_the_true_orientation_of_a_run_is_the_commanded_one_to_the_arms_precision(elbow_flexion):
+def test_the_true_orientation_of_a_run_is_the_commanded_one_to_the_arms_precision(
+    elbow_flexion, the_plan
+):
     """Truth against the plan, at the middle of each dwell: what is left is encoder noise, not
     geometry.
     """
-    session, kinematics = elbow_flexion.session, Kinematics(elbow_flexion.plan.robot)
+    session, kinematics = elbow_flexion.session, Kinematics(the_plan.robot)
     sensor = session.analysis.sensors["forearm"]
     truth = session.truth("forearm")
     middles = np.array(
         [(s.settled_ns + s.end_ns) // 2 for s in session.steps if s.section == "evaluation"]
     )
-    q, _, _ = elbow_flexion.plan.trajectory.at(middles)
+    q, _, _ = the_plan.trajectory.at(middles)
     planned = kinematics.frame_motion(
         sensor.link, q, offset=Pose.from_placement(sensor.mounting)
     ).q_world_from_frame

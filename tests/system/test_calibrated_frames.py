@@ -201,7 +201,7 @@ def test_stated_uncertainties_hold_the_arms_own_joints(altered_protocol, tmp_pat
 
     protocol = altered_protocol("calibration_optimal", wrong_zeros)
     off = []
-    for seed in range(20, 28):
+    for seed in range(20, 24):
         session = recorded(protocol, seed, tmp_path)
         imu = SimulatedImu(
             "forearm",

@@ -10,7 +10,7 @@ import pytest
 
 from tests.benchmarks.long_campaign import RECORD_HZ, Measured, measure, write_campaign
 
-SHORT_S, LONG_S, BLOCK = 240.0, 720.0, 10_000
+SHORT_S, LONG_S, BLOCK = 180.0, 480.0, 10_000
 """The shorter one fills each buffer already: a row group of the arm's samples takes 131 s."""
 ROW_BYTES = 152
 """Of the arm's samples: time, commanded and measured angles, and rates of six joints. A run that

@@ -17,8 +17,8 @@ from tests.benchmarks.long_recordings import (
     write_case,
 )
 
-RATE, KEPT = 1000.0, 50_000
-SHORT_S, LONG_S = 200.0, 600.0
+RATE, KEPT = 1000.0, 25_000
+SHORT_S, LONG_S = 100.0, 400.0
 RAW_BYTES = 48
 """Of a sample: rate and force in float64. A stage that held no more than these would grow by as
 much; with times, orientations and errors it would be over 150.

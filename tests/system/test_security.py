@@ -46,7 +46,7 @@ def campaign(tmp_path, tiny, quick, monkeypatch):
     )
 
 
-@pytest.mark.parametrize("begin", [0, 100, 200])
+@pytest.mark.parametrize("begin", [0])
 def test_no_mutated_file_ends_in_a_traceback_a_hang_or_a_file_elsewhere(campaign, begin):
     for number in range(begin, begin + 100):
         campaign.one(number)

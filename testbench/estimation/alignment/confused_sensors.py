@@ -18,7 +18,13 @@ the second: the other leg of a walk, half a stride later, explains up to 99 % [1
 """
 ODD = {"truth.stepped", "truth.parts", "truth.parts_throughout"}
 """What is found, too, where a truth is that of a body which moves nearly alike."""
-MISREAD = {"truth.order", "truth.direction", "truth.order_or_direction"}
+MISREAD = {
+    "truth.order",
+    "truth.direction",
+    "truth.order_or_direction",
+    "truth.joints_not_judged",
+    "truth.not_the_links",
+}
 """What is wrong with a truth that is the sensor's own."""
 ANY_AXES = 0.0
 """A walk turns about little more than one axis; how fast tells one body from another [1]."""

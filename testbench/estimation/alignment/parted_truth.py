@@ -1,4 +1,4 @@
-"""A truth cut where it and the gyroscope part slowly: what does not fit the rest is left out.
+"""A truth cut where it and the gyroscope part: what does not fit the rest is left out.
 
 After a body has slipped, or a reference has drifted, the truth goes on in other frames, as after a
 step. The piece that lasts longest is kept; others may be aligned in frames of their own.
@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from testbench.estimation.alignment.parting import Parting
-from testbench.estimation.signals.truth_faults import PARTED, Apart, only_rows
+from testbench.estimation.signals.truth_faults import PARTED, STEPPED, Apart, only_rows
 from testbench.frames import NANOSECONDS
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
@@ -20,6 +20,11 @@ from testbench.records.session.samples import Truth
 
 LEAST_KEPT_S = 10.0
 """Where no piece lasts longer, nothing of the truth is known to be right [s]."""
+
+
+def reason_of(partings: Sequence[Parting]) -> str:
+    """Why samples are left out that lie beside partings: the truth has stepped, or both parted."""
+    return STEPPED if all(own.sharp for own in partings) else PARTED
 
 
 def cut_at(
@@ -57,7 +62,7 @@ def cut_at(
         if piece != kept:
             rows = known[within(times, piece)]
             own = Truth(truth.host_time_ns[rows], truth.q_world_from_sensor[rows])
-            others.append(Apart(own, within(time_ns, piece), PARTED))
+            others.append(Apart(own, within(time_ns, piece), reason_of(partings)))
     return only_rows(truth, known[within(times, kept)]), lost, others
 
 
@@ -76,6 +81,16 @@ def told_of(
     most = max(partings, key=lambda own: own.angle)
     begin_s, end_s = np.interp([most.begin_ns, most.end_ns], time_ns, as_read_ns) / NANOSECONDS
     usual = float(np.median(np.diff(as_read_ns))) / NANOSECONDS
+    lost_s = float(lost.sum()) * usual
+    if not lost.all() and reason_of(partings) == STEPPED:
+        at_ns = np.interp(partings[0].begin_ns, time_ns, as_read_ns)
+        return finding(
+            "truth.stepped",
+            steps=len(partings),
+            angle_deg=float(np.degrees(most.angle)),
+            at_s=float(at_ns) / NANOSECONDS,
+            lost_s=lost_s,
+        )
     code = "truth.parts_throughout" if lost.all() else "truth.parts"
     return finding(
         code,
@@ -83,5 +98,5 @@ def told_of(
         angle_deg=float(np.degrees(most.angle)),
         begin_s=float(begin_s),
         end_s=float(end_s),
-        lost_s=float(lost.sum()) * usual,
+        lost_s=lost_s,
     )

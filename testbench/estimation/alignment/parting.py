@@ -1,9 +1,10 @@
-"""Stretches in which a truth and a gyroscope slowly part, though both turn alike elsewhere.
+"""Stretches in which a truth and a gyroscope part, though both turn alike elsewhere.
 
-A body that slips under its markers, a reference that drifts, a gyroscope that was clipped before a
-low pass, or disturbed: none of them jumps, and each puts an error into all that is judged from
-there on. Seen by rates alone it is nobody's fault in particular: both are named. What lasts from
-beginning to end is not told from a bias.
+Steps that are too small to show in single turns are looked for first, and slow partings in what
+lies between them. A body that slips under its markers, a reference that drifts, a gyroscope that
+was clipped before a low pass, or disturbed: none of them jumps, and each puts an error into all
+that is judged from there on. Seen by rates alone it is nobody's fault in particular: both are
+named. What lasts from beginning to end is not told from a bias.
 """
 
 from __future__ import annotations
@@ -13,10 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.estimation.alignment.axes import true_rates
+from testbench.estimation.alignment.sharp_steps import Differences, find_step
 from testbench.estimation.alignment.slipped_mounting import (
     LEAST,
     LEAST_SIDE_S,
+    SWAPPED_S,
     find_changed_map,
+    find_swap,
 )
 from testbench.estimation.signals.segmentation import detect_static, intervals_of
 from testbench.estimation.signals.truth_turning import Turning
@@ -82,7 +86,7 @@ FEWEST_RESTS, REST_S = 3, 1.0
 """So many rests of so long tell what a gyroscope reads at rest [1, s]."""
 LEAST_PART_S = 20.0
 """What is left beside a parting is asked again if it lasts longer [s]."""
-MOST_PARTINGS = 5
+MOST_PARTINGS, MOST_STEPS = 5, 30
 
 
 @dataclass(frozen=True)
@@ -93,11 +97,13 @@ class Parting:
         angle: How far [rad].
         begin_ns: On the host's clock.
         end_ns: Likewise.
+        sharp: Whether it is a step.
     """
 
     angle: float
     begin_ns: int
     end_ns: int
+    sharp: bool = False
 
 
 @dataclass(frozen=True)
@@ -186,8 +192,10 @@ class _Intervals:
             that the gyroscope has turned, with what its sampling may be wrong by put to it, shape
             (n,) [rad]; whether the world of the truth drifts throughout.
         """
-        turned = Turning.of(self.samples @ fitted, self.samples_ns)
-        apart = rotation.multiply(self.q, rotation.conjugate(turned.q[self.rows]))
+        rate = self.samples @ fitted
+        turned = Turning.of(rate, self.samples_ns)
+        middle = _in_the_middle(turned, rate, self.rows)
+        apart = rotation.multiply(self.q, rotation.conjugate(middle))
         changes = rotation.multiply(apart[1:], rotation.conjugate(apart[:-1]))
         changes = rotation.to_rotation_vector(changes)
         changes[np.diff(self.time_ns) > 1.5 * self.width * NANOSECONDS] = 0.0
@@ -197,8 +205,51 @@ class _Intervals:
             known = np.zeros(3), USUAL_BIAS
         bias, drifts = _bias(changes[where], body[where], self.width, known)
         changes -= body @ bias * self.width
-        path = turned.slow_path[self.rows] + turned.coning[self.rows] / NONLINEAR
+        wrong = turned.coning + _unresolved(turned, rate)
+        path = turned.slow_path[self.rows] + wrong[self.rows] / NONLINEAR
         return np.concatenate([np.zeros((1, 3)), np.cumsum(changes, axis=0)]), path, drifts
+
+
+def _in_the_middle(turned: Turning, rate: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Orientations at the instants that mean rates are of, shape (k, 4); `Turning` has them at the
+    ends of the intervals.
+
+    Args:
+        turned: By rates.
+        rate: These, shape (n, 3) [rad/s].
+        rows: Of them, shape (k,).
+    """
+    half = median_interval(turned.time_ns) / NANOSECONDS / 2
+    back = rotation.from_rotation_vector(-half * rate[rows])
+    return rotation.multiply(turned.q[rows], back)
+
+
+def _unresolved(turned: Turning, rate: np.ndarray) -> np.ndarray:
+    """How far a gyroscope's turn may be wrong since the beginning for what its rate does between
+    its samples, shape (n,) [rad].
+
+    By every second sample it would turn otherwise: of a rule of second order by three times what
+    all of them are wrong by (Richardson, Phil. Trans. R. Soc. A 210, 1911), of which half is
+    allowed.
+
+    Args:
+        turned: By all samples.
+        rate: These, shape (n, 3) [rad/s].
+    """
+    odd = np.arange(1, len(rate), 2)
+    nothing = np.zeros(len(rate))
+    if len(odd) < FEWEST:
+        return nothing
+    half = Turning.of(rate[odd - 1], turned.time_ns[odd - 1])
+    # the end of an interval of two is the middle of its second sample's
+    apart = rotation.multiply(_in_the_middle(turned, rate, odd), rotation.conjugate(half.q))
+    changes = rotation.multiply(apart[1:], rotation.conjugate(apart[:-1]))
+    changes = rotation.to_rotation_vector(changes)
+    seconds = np.diff(turned.time_ns[odd]) / NANOSECONDS
+    size = max(round(SETTLED_S / max(float(np.median(seconds)), 1e-6)) // 2 * 2 + 1, 1)
+    steady = rotation.lengths(moving_mean(changes, size, "held"))
+    so_far = np.concatenate([[0.0], np.cumsum(steady)]) / 2
+    return np.asarray(np.interp(np.arange(len(rate)), odd, so_far))
 
 
 def _read_at_rest(gyr: np.ndarray, step: float) -> tuple[np.ndarray, float]:
@@ -234,29 +285,92 @@ def find_partings(samples: ImuSamples, time_ns: np.ndarray, truth: Truth) -> lis
         truth: Without its steps.
     """
     whole = _Intervals.of(samples, time_ns, truth)
-    found: list[Parting] = []
-    waiting = [] if whole is None else [whole]
-    while waiting and len(found) < MOST_PARTINGS:
+    if whole is None:
+        return []
+    found, waiting = _steps(whole, median_interval(truth.host_time_ns) / NANOSECONDS)
+    slow = 0
+    while waiting and slow < MOST_PARTINGS:
         own = waiting.pop()
         parting = _most(own)
         if parting is None:
             continue
         found.append(parting)
-        first, end = np.searchsorted(own.time_ns, [parting.begin_ns, parting.end_ns + 1])
-        parts = own.between(0, int(first)), own.between(int(end), len(own.rows))
+        slow += 1
+        parts = _beside(own, parting)
         waiting += [part for part in parts if len(part.rows) * part.width > LEAST_PART_S]
     return sorted(found, key=lambda own: own.begin_ns)
 
 
-def _most(both: _Intervals) -> Parting | None:
-    """The stretch in which both part most."""
+def _beside(own: _Intervals, parting: Parting) -> tuple[_Intervals, _Intervals]:
+    """What lies before a parting, and what after it."""
+    first, end = np.searchsorted(own.time_ns, [parting.begin_ns, parting.end_ns + 1])
+    return own.between(0, int(first)), own.between(int(end), len(own.rows))
+
+
+def _steps(whole: _Intervals, truth_s: float) -> tuple[list[Parting], list[_Intervals]]:
+    """Stretches in which both part at once, and what lies beside them.
+
+    On either side of a step another map may hold, which shows the next one better.
+
+    Args:
+        whole: Truth and gyroscope.
+        truth_s: Between two rows of the truth [s].
+    """
+    found: list[Parting] = []
+    sound, waiting = [], [whole]
+    while waiting:
+        own = waiting.pop()
+        step = _step(own, truth_s) if len(found) < MOST_STEPS else None
+        if step is None:
+            sound.append(own)
+            continue
+        found.append(step)
+        waiting += _beside(own, step)
+    return found, sound
+
+
+def _step(both: _Intervals, truth_s: float) -> Parting | None:
+    """The most prominent step: of the world, or of the body, which shows in the map of rates."""
+    fitted = _fitted(both)
+    if fitted is None:
+        return None
+    apart, path, _ = both.apart(fitted)
+    rate = rotation.rotate(both.q, both.rate)
+    step = find_step(Differences(apart, rate, path, NONLINEAR, both.time_ns, both.width, truth_s))
+    if step is not None:
+        begin_ns, end_ns = both.time_ns[[step.before, step.after]]
+        return Parting(step.angle, int(begin_ns), int(end_ns), True)
+    told = _slow(both)[:, None]
+    swap = find_swap(both.rate * told, both.design * told, fitted, both.width)
+    if swap is None:
+        return None
+    beside = round(max(SWAPPED_S, truth_s) / both.width)
+    last = len(both.time_ns) - 1
+    begin_ns, end_ns = both.time_ns[[max(swap.at - beside, 0), min(swap.at + beside, last)]]
+    return Parting(swap.angle, int(begin_ns), int(end_ns), True)
+
+
+def _slow(both: _Intervals) -> np.ndarray:
+    """Intervals in which a mean rate is the turn, shape (n,), bool."""
+    return np.asarray(rotation.lengths(both.rate) * both.width < MOST_TURN)
+
+
+def _fitted(both: _Intervals) -> np.ndarray | None:
+    """The map that makes true rates of readings and 1, shape (4, 3); None where too little tells
+    it.
+    """
     if len(both.rows) < FEWEST:
         return None
-    slow = rotation.lengths(both.rate) * both.width < MOST_TURN
-    if slow.sum() < FEWEST:
+    slow = _slow(both)
+    return None if slow.sum() < FEWEST else _map(both.rate[slow], both.design[slow])
+
+
+def _most(both: _Intervals) -> Parting | None:
+    """The stretch in which both part most."""
+    fitted = _fitted(both)
+    if fitted is None:
         return None
-    fitted = _map(both.rate[slow], both.design[slow])
-    told = slow[:, None]
+    told = _slow(both)[:, None]
     slip = find_changed_map(both.rate * told, both.design * told, fitted, both.width)
     if slip is not None:
         before = both.apart(slip.before, slice(slip.at))[0]
@@ -334,8 +448,21 @@ def _bias(
     both = np.concatenate([turned, lasted[:, None, None] * np.eye(3)], axis=2)
     about = np.append(known[0], np.zeros(3))
     with_drift, less = _trimmed(both, summed, about, np.repeat([known[1], DRIFT], 3))
-    drifts = less < EXPLAINED * left
-    return (with_drift[:3] if drifts else alone), drifts
+    if less < EXPLAINED * left:
+        return with_drift[:3], True
+
+    def quietest(bias: np.ndarray) -> float:
+        return float(np.quantile(rotation.lengths(summed - turned @ bias), QUIET / 2))
+
+    # what drifts for half of a recording leaves the other half as it is
+    middle = len(summed) // 2
+    halves = [_trimmed(turned[part], summed[part], *known)[0] for part in _halves(middle)]
+    best = min(halves, key=quietest)
+    return (best if quietest(best) < EXPLAINED * quietest(alone) else alone), False
+
+
+def _halves(middle: int) -> tuple[slice, slice]:
+    return slice(max(middle, 1)), slice(middle, None)
 
 
 def _trimmed(

@@ -7,7 +7,7 @@ it is on the whole.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,13 @@ from testbench.model import rotation
 
 LEAST = np.radians(5.0)
 """Both part who are so far from one another afterwards [rad]."""
+LEAST_SWAP = np.radians(4.0)
+"""Two bodies that are taken for one another lie so far apart [rad]."""
+SOUGHT_S, SWAPPED_S, TURNED, PARTED = 5.0, 0.11, np.radians(40.0), 3.0
+"""The moment is sought so near to where two maps leave least. While the body turns so far before it
+and after it, but for so long beside it, the map of the other side leaves, squared, so many times
+what that of its own does [s, s, rad, 1].
+"""
 LEAST_SIDE_S = 5.0
 """Maps are told on either side by so long at least [s]."""
 LEAST_EVIDENCE = 15.0
@@ -94,7 +101,11 @@ class _Sums:
 
 
 def find_changed_map(
-    rate: np.ndarray, design: np.ndarray, fitted: np.ndarray, width: float
+    rate: np.ndarray,
+    design: np.ndarray,
+    fitted: np.ndarray,
+    width: float,
+    least: float = LEAST,
 ) -> ChangedMap | None:
     """Where the map of rates changes most, or None where it does not.
 
@@ -103,6 +114,7 @@ def find_changed_map(
         design: What the gyroscope reads, and 1, shape (n, 4) [rad/s].
         fitted: One map for all, shape (4, 3).
         width: Of an interval [s].
+        least: Angle by which the maps differ [rad].
     """
     n, side = len(rate), round(LEAST_SIDE_S / width)
     splits = np.arange(side, n - side, max(round(TRIED_S / width), 1))
@@ -129,9 +141,43 @@ def find_changed_map(
     # true rate = map' reading: what takes the first's to the second's turns by the slip
     relative = maps[1][:3].T @ np.linalg.pinv(maps[0][:3].T)
     angle = rotation.angle(rotation.from_matrix(rotation.nearest_rotation(relative)))
-    if float(angle) < LEAST:
+    if float(angle) < least:
         return None
     return ChangedMap(at, maps[0], maps[1], float(angle))
+
+
+def find_swap(
+    rate: np.ndarray, design: np.ndarray, fitted: np.ndarray, width: float
+) -> ChangedMap | None:
+    """Where one map gives way to another at once, as where one body was taken for another; None
+    where none does, or the body slips for a while, in which neither map fits.
+
+    Args:
+        rate: True ones in the body, shape (n, 3) [rad/s].
+        design: What the gyroscope reads, and 1, shape (n, 4) [rad/s].
+        fitted: One map for all, shape (4, 3).
+        width: Of an interval [s].
+    """
+    slip = find_changed_map(rate, design, fitted, width, LEAST_SWAP)
+    if slip is None:
+        return None
+    before, after = (
+        np.sum((rate - design @ own) ** 2, axis=1) for own in (slip.before, slip.after)
+    )
+    reach = round(SOUGHT_S / width)
+    first, end = max(slip.at - reach, 0), min(slip.at + reach, len(rate))
+    leaves = np.cumsum(before[first:end]) + after[first:].sum() - np.cumsum(after[first:end])
+    at = first + 1 + int(np.argmin(leaves))
+    path = np.concatenate([[0.0], np.cumsum(rotation.lengths(rate)) * width])
+    beside = round(SWAPPED_S / width)
+    begin = int(np.searchsorted(path, path[max(at - beside, 0)] - TURNED))
+    close = int(np.searchsorted(path, path[min(at + beside, len(rate))] + TURNED))
+    early = slice(max(begin, at - reach, 0), max(at - beside, 0))
+    late = slice(at + beside, min(close, at + reach))
+    for side, own, other in ((early, before, after), (late, after, before)):
+        if not float(other[side].sum()) > PARTED * float(own[side].sum()):
+            return None
+    return replace(slip, at=at)
 
 
 def _robust(

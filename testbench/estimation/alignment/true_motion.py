@@ -7,16 +7,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from testbench.estimation.alignment.ambiguous_truth import find_ambiguous
-from testbench.estimation.alignment.parted_truth import cut_at, told_of
+from testbench.estimation.alignment.parted_truth import cut_at, reason_of, told_of
 from testbench.estimation.alignment.parting import find_partings
-from testbench.estimation.alignment.truth_reading import RateFit, fit_rates, misread
+from testbench.estimation.alignment.truth_reading import BELONGS, RateFit, fit_rates, misread
 from testbench.estimation.signals.access import SampleAccess
 from testbench.estimation.signals.common_motion import MOST_DRIFT
 from testbench.estimation.signals.time_alignment import fit_clock
 from testbench.estimation.signals.truth_faults import (
     AMBIGUOUS,
     FROZEN,
-    PARTED,
     STEPPED,
     Apart,
     find_faults,
@@ -167,7 +166,7 @@ def true_motion(
     read = turning_instants(access, sound.clock, described)
     assert sound.truth is not None
     fit = fit_rates(access.turned, read, sound.truth)
-    doubt = None if fit is None else _doubt(access.turned, read, sound, fit)
+    doubt = None if fit is None else _doubt(access.turned, read, sound, fit, described)
     findings = [*sound.findings]
     late: list[Finding] = []
     if sound.clock.method == "none" and (doubt is None or doubt.code == "truth.foreign"):
@@ -200,7 +199,7 @@ def _without_ambiguous(access: SampleAccess, motion: TrueMotion) -> TrueMotion:
 
 
 def _cut_where_both_part(access: SampleAccess, read: np.ndarray, motion: TrueMotion) -> TrueMotion:
-    """The same without stretches in which truth and gyroscope part slowly.
+    """The same without stretches in which truth and gyroscope part.
 
     Args:
         access: To the samples of the sensor.
@@ -220,10 +219,12 @@ def _cut_where_both_part(access: SampleAccess, read: np.ndarray, motion: TrueMot
     findings = [*motion.findings, told]
     if cut is None:
         return replace(motion, findings=findings, unaligned=told.code)
+    reason = reason_of(partings)
+    before = motion.lost.get(reason, np.zeros(len(samples), dtype=bool))
     return replace(
         motion,
         truth=cut[0],
-        lost=motion.lost | {PARTED: lost},
+        lost=motion.lost | {reason: before | lost},
         findings=findings,
         apart=[*motion.apart, *cut[2]],
     )
@@ -292,7 +293,11 @@ def _surest(fits: list[ClockFit], otherwise: ClockFit) -> ClockFit:
 
 
 def _doubt(
-    turned: ImuSamples, read: np.ndarray, motion: TrueMotion, fit: RateFit
+    turned: ImuSamples,
+    read: np.ndarray,
+    motion: TrueMotion,
+    fit: RateFit,
+    described: SensorRecord,
 ) -> Finding | None:
     """Whether the truth, as it was read, is that of the sensor.
 
@@ -301,9 +306,20 @@ def _doubt(
         read: Instants that these are of, shape (n,) [ns].
         motion: Its clock and truth.
         fit: Of its rates to those of the truth.
+        described: What is known of the sensor.
     """
     assert motion.truth is not None
+    if described.truth_otherwise is not None and fit.explained < BELONGS:
+        return finding(
+            "truth.joints_not_judged",
+            how=described.truth_otherwise,
+            as_read_percent=100 * max(fit.explained, 0.0),
+        )
     wrong = misread(turned, read, motion.truth, fit)
+    if wrong is not None and described.truth_link is not None:
+        # angles of joints have neither an order nor a direction of quaternions
+        values = {key: wrong.values[key] for key in ("as_read_percent", "percent")}
+        return finding("truth.not_the_links", link=described.truth_link, **values)
     if wrong is not None or fit.explained >= FOREIGN or fit.magnitudes >= ALIKE:
         return wrong
     if motion.clock.method == "angular_rate":  # two logs that begin and rest alike

@@ -83,7 +83,8 @@ def gap_notes(times: dict[str, np.ndarray], begin: int, end: int) -> list[str]:
         gaps = np.diff(time[(time >= begin) & (time <= end)]) / NANOSECONDS
         wide = gaps[gaps > WIDEST_GAP_NS / NANOSECONDS]
         if len(wide):
+            gaps_are = "gap of {:.2f} s is" if len(wide) == 1 else "gaps of up to {:.2f} s are"
             notes.append(
-                f"{name}: {len(wide)} gaps of up to {wide.max():.2f} s are bridged by interpolation"
+                f"{name}: {len(wide)} {gaps_are.format(wide.max())} bridged by interpolation"
             )
     return notes

@@ -7,8 +7,10 @@ from pathlib import Path
 
 from testbench.exceptions import FileProblems, Problem, one_line
 from testbench.formats.mapping import TextLayout
+from testbench.formats.tables.bytes_stream import encoding_of
 from testbench.formats.tables.fields import MISSING, NUMBER, split_line
-from testbench.formats.tables.text_table import guess_separator, head_of
+from testbench.formats.tables.monitor import written_in
+from testbench.formats.tables.text_table import first_row, guess_separator, head_of
 
 _MOST_BELOW = 3
 """Lines between titles and samples."""
@@ -30,6 +32,12 @@ def find_layout(file: Path) -> tuple[TextLayout, list[list[str]]]:
             raise
         encoding = "cp1252"
         lines = head_of(file, encoding)
+    written = written_in(file, encoding_of(file, None if encoding == "auto" else encoding))
+    if written is not None and written.titles:  # they stand beside the numbers
+        at = first_row(lines, len(written.titles))
+        separator = guess_separator(lines[at])
+        rows = [split_line(row, separator) for row in lines[at:] if row.strip()]
+        return TextLayout.model_validate({"encoding": encoding}), rows
     for at, line in enumerate(lines):
         if not line.strip() or _is_sep(line):
             continue

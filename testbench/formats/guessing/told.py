@@ -132,7 +132,7 @@ def by_values(seen: Seen) -> dict[str, dict[str, Quantity]]:
     time = time_of(seen, names)
     free = [n for n in names if time is None or n != name_of(seen, time.column)]
     triads = [free[i : i + 3] for i in range(len(free) - 2)][: 3 * MOST_TRIADS]
-    rate = time.rate if time is not None else 100.0
+    rate = time.rate if time is not None and time.rate > 0 else 100.0  # a clock tells none yet
     looked = []
     for acc, gyr in itertools.permutations(triads, 2):
         if set(acc) & set(gyr) or not (_can_be(seen, acc, "acc") and _can_be(seen, gyr, "gyr")):

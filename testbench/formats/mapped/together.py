@@ -17,6 +17,7 @@ from testbench.formats.tables.joined_table import Joined, JoinedTable
 from testbench.formats.tables.samples_stream import rate_of_times
 from testbench.formats.tables.source import Source, first_rows
 from testbench.formats.tables.timeline import BadRowError, Timeline
+from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding, told_once
 
 MUCH_FASTER = 1.1
@@ -67,6 +68,9 @@ def put_together(build: Build, placed: dict[str, Placed], counter: str | None) -
         stamps = stamps_of(time_place(build, first, p), p.table, p.time, rate, counter, asking)
         titles = {quantity: q.titles for quantity, q in placed.items()}
         noticed = [*stamps.findings, *rate_findings(build, p.time, stamps)]
+        if p.time is None and counter is None:
+            who = "the mapping" if build.options.rate is None else "--rate"
+            noticed.append(finding("time.by_rows", rate_hz=rate, who=who))
         return Together(p.table, titles, stamps, p.table, noticed)
     for quantity, p in placed.items():
         if p.time is None or build.options.rate is not None:

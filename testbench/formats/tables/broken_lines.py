@@ -9,6 +9,7 @@ from typing import Any
 
 from testbench.exceptions import one_line
 from testbench.formats.tables.fields import MISSING, NUMBER, split_line
+from testbench.formats.tables.monitor import Written
 from testbench.records.findings.catalogue import finding
 from testbench.records.findings.finding import Finding
 
@@ -107,7 +108,12 @@ def ends_a_line(file: Path) -> bool:
 
 
 def left_out(source: Any) -> Iterator[Finding]:
-    """What is said of the lines left out of all tables that a source is made of."""
+    """What is said of the lines of all tables that a source is made of: those left out, and what
+    stands in them beside numbers.
+    """
+    written = getattr(source, "written", None)
+    if isinstance(written, Written):
+        yield from written.findings(source.file)
     broken = getattr(source, "broken", None)
     if isinstance(broken, Broken):
         yield from broken.findings(source.file)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from testbench.exceptions import FileProblems, Problem
 from testbench.formats.tables.binary_kinds import binary_kind
+from testbench.formats.tables.monitor import written_in
 
 LONGEST_LINE = 1_000_000
 """Bytes; a longer one is no row of a table."""
@@ -29,7 +30,8 @@ SNIFFED = 4096
 
 
 class LineStream(io.RawIOBase):
-    """A binary file object over the rows of a text file, always in UTF-8.
+    """A binary file object over the rows of a text file, always in UTF-8; of lines that a serial
+    monitor wrote, the rows in them.
 
     Args:
         file: To read.
@@ -51,6 +53,7 @@ class LineStream(io.RawIOBase):
             "iso8859-15",
         }
         self._clean = True  # the decoder holds no part of a character
+        self._written = written_in(file, encoding)
         self._file = file.open("rb")
         self._pieces, self._out, self._held, self._ended = 0, b"", b"", False
         self._returns_only: bool | None = None  # whether lines end in CR alone, once that is seen
@@ -128,7 +131,7 @@ class LineStream(io.RawIOBase):
             self._ended = True
             self._decode(b"", final=True)
             result, self._held = self._held, b""
-            return self._squeezed(result) if self._squeeze else result
+            return self._plain(result)
         text = self._decode(raw)
         if b"\0" in text:
             raise self._refuse(
@@ -139,13 +142,13 @@ class LineStream(io.RawIOBase):
         if self._returns_only:
             text = text.replace(b"\r", b"\n")
         self._pieces += 1
-        if not self._squeeze:
+        if not self._squeeze and self._written is None:
             return text
         whole, newline, rest = (self._held + text).rpartition(b"\n")
         self._held = rest
         if len(rest) > LONGEST_LINE:
             raise self._refuse(_TOO_LONG)
-        return self._squeezed(whole + newline)
+        return self._plain(whole + newline)
 
     def _decode(self, raw: bytes, final: bool = False) -> bytes:
         if self._ascii_like and self._clean and raw.isascii():
@@ -165,6 +168,11 @@ class LineStream(io.RawIOBase):
         state = self._decoder.getstate()
         self._clean = not state[0] and self._encoding != "utf-8-sig"
         return text.encode("utf-8")
+
+    def _plain(self, text: bytes) -> bytes:
+        """Whole lines as rows."""
+        text = text if self._written is None else self._written.plain(text)
+        return self._squeezed(text) if self._squeeze else text
 
     @staticmethod
     def _squeezed(text: bytes) -> bytes:

@@ -26,7 +26,8 @@ from testbench.formats.tables.bytes_stream import (
     check_readable,
     encoding_of,
 )
-from testbench.formats.tables.fields import BLANKS, MISSING, split_line
+from testbench.formats.tables.fields import BLANKS, MISSING, NUMBER, split_line
+from testbench.formats.tables.monitor import Written, written_in
 from testbench.formats.tables.source import Columns, Kind
 from testbench.records.disk.tables import from_arrow
 
@@ -87,6 +88,7 @@ class TextTable:
         twice: Places (from 1) of the columns of a title that stands more than once; such columns
             have their place behind the title in `names`.
         broken: Lines that hold no sample and are left out; None as long as none was met.
+        written: How a serial monitor or a sketch wrote the lines; None where they are plain rows.
     """
 
     file: Path
@@ -97,9 +99,11 @@ class TextTable:
     encoding: str | None = None
     _width: int = field(default=0, init=False)
     broken: Broken | None = field(default=None, init=False)
+    written: Written | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.encoding = encoding_of(self.file, self.encoding)
+        self.written = written_in(self.file, self.encoding)
         self.arrays: dict[str, list[str]] = {}
         self.twice: dict[str, list[int]] = {}
         self._fit_width()
@@ -377,6 +381,21 @@ def decimal_of(rows: Sequence[str], separator: str) -> str:
     return "," if commas > points else "."
 
 
+def first_row(lines: Sequence[str], width: int) -> int:
+    """Which line is the first that has so many fields, numbers for the most part; 0 if none has.
+
+    Args:
+        lines: The first ones of a file.
+        width: Fields of a row.
+    """
+    for at, line in enumerate(lines):
+        fields = split_line(line, guess_separator(line))
+        numbers = sum(bool(NUMBER.fullmatch(text)) for text in fields)
+        if len(fields) == width and numbers > width / 2:
+            return at
+    return 0
+
+
 def find_table(
     file: Path,
     is_header: re.Pattern[str],
@@ -400,6 +419,12 @@ def find_table(
         FileProblems: There is no such line.
     """
     lines = head_of(file, encoding)
+    written = written_in(file, encoding_of(file, encoding))
+    if written is not None and is_header.search(",".join(written.titles)):
+        at = first_row(lines, len(written.titles))
+        separator = guess_separator(lines[at])
+        decimal = decimal_of(lines[at:], separator)
+        return TextTable(file, written.titles, at + 1, separator, decimal, encoding), lines[:at]
     number = next((i for i, line in enumerate(lines) if is_header.search(line)), None)
     if number is None:
         first = one_line(next(line for line in lines if line.strip())[:60])

@@ -27,6 +27,7 @@ from testbench.formats.truth.angle_names import guessed_angles, stated_angles
 from testbench.formats.truth.angle_table import AngleUnit, is_coordinates, read_angles
 from testbench.formats.truth.angles import give_angles
 from testbench.formats.truth.c3d import read_c3d_angles
+from testbench.formats.truth.joint_reading import read_otherwise
 from testbench.formats.truth.joint_steps import mended
 from testbench.formats.truth.markers import LISTED, give_truth, is_tracked, read_tracked
 from testbench.formats.truth.reference import collect, reference_truth
@@ -290,6 +291,10 @@ def _from_robot(recording: Recording, options: TruthOptions) -> None:
         )
         if log.time_ns is not None:
             sensor.truth = logged_truth(kinematics, log, link, mounting, shift)
+            otherwise = read_otherwise(kinematics, log, link, sensor)
+            if otherwise is not None:
+                recording.findings.append(otherwise.at(name))
+                sensor.details["truth_otherwise"] = otherwise.values["how"]
         else:
             assert options.dwell is not None
             dwells.append(
@@ -306,6 +311,7 @@ def _from_robot(recording: Recording, options: TruthOptions) -> None:
             sensor.truth = commanded_truth(kinematics, log.q, link, mounting, dwells[-1])
         sensor.details |= {
             "truth": f"{kinematics.robot.name}, link {link}",
+            "truth_link": link,
             "truth_world": "z_up",
             "truth_sd_deg": kinematics.orientation_sd_deg(link, log.q),
             "truth_sd_from": f"zeros and twists of {kinematics.robot.name}, by its robot file",

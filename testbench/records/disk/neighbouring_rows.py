@@ -8,7 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.records.disk.tables import Stack, read_parquet_batches, read_stacked
+from testbench.records.disk.tables import (
+    Stack,
+    parquet_shape,
+    read_parquet_batches,
+    read_stacked,
+)
 
 MOST_ROWS = 500_000
 """Rows of the arm or of a truth that are read as a whole; of more, those are read that are
@@ -68,17 +73,35 @@ def read_near(
     Raises:
         SessionError: The file is missing or damaged, or lacks a column.
     """
-    times = read_stacked(path, {TIME: TIME})[TIME]
-    if not len(times):
+    wanted = _rows_near(path, instants)
+    if not len(wanted):
         return read_stacked(path, groups)
-    wanted = np.zeros(len(times), dtype=bool)
-    wanted[[0, -1]] = True
-    following = np.searchsorted(times, instants, side="right")
-    for rows in (following, following - 1, np.searchsorted(times, instants)):
-        wanted[np.clip(rows, 0, len(times) - 1)] = True
     stack, done, place = Stack(groups, int(wanted.sum())), 0, 0
     for batch in read_parquet_batches(path, stack.columns):
         here = wanted[done : done + len(batch[stack.columns[0]])]
         place = stack.put(place, batch, here)
         done += len(here)
     return stack.arrays
+
+
+def _rows_near(path: Path, instants: np.ndarray) -> np.ndarray:
+    """Which rows of a table are those before and after each instant, shape (rows,), bool.
+
+    Args:
+        path: The table.
+        instants: Increasing, shape (n,) [ns].
+    """
+    wanted = np.zeros(parquet_shape(path)[0], dtype=bool)
+    wanted[:1] = wanted[-1:] = True
+    done, before = 0, np.zeros(0, dtype=np.int64)
+    for columns in read_parquet_batches(path, [TIME]):
+        times = np.concatenate([before, columns[TIME]])
+        if not len(times):
+            break
+        begin, last = np.searchsorted(instants, times[0]), len(times) - 1
+        own = instants[begin : np.searchsorted(instants, times[-1], side="right")]
+        following = np.searchsorted(times, own, side="right")
+        for rows in (following, following - 1, np.searchsorted(times, own)):
+            wanted[done - len(before) + np.minimum(rows, last)] = True
+        done, before = done + len(columns[TIME]), times[-1:]
+    return wanted

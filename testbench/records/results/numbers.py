@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import floor, isfinite, log10
+from math import isfinite
 
 MOST_DECIMALS = 9
 
@@ -30,5 +30,10 @@ def decimals_by(sd: float | None) -> int | None:
     """
     if sd is None or not isfinite(sd) or sd <= 0:
         return None
-    decimals = max(1 - floor(log10(sd)), 0)
+    decimals = max(1 - exponent_of(sd), 0)
     return decimals if decimals <= MOST_DECIMALS else None
+
+
+def exponent_of(value: float) -> int:
+    """Power of ten of a number that is rounded to two significant digits: 0 of 9.94, 1 of 9.96."""
+    return int(f"{value:.1e}".partition("e")[2])

@@ -26,6 +26,8 @@ without its summary.
 """
 DERIVED = (ESTIMATE, GAIT, *OF_AN_ESTIMATE)
 """What may be deleted and made again."""
+CERTIFICATES = "certificates"
+"""A folder of what was certified of the session, which is kept, not made again."""
 SEAL = "manifest.json.sig"
 """A signature of the manifest."""
 CYCLES = "cycles"
@@ -110,7 +112,7 @@ def table_file(name: str) -> str:
 
 def is_raw(name: str) -> bool:
     """Whether a file of a session's folder is a part of the recording, whose hash is stated."""
-    others = {MANIFEST, SEAL, RECORDING, EXPORT, *DERIVED}
+    others = {MANIFEST, SEAL, RECORDING, EXPORT, CERTIFICATES, *DERIVED}
     return not name.startswith(".") and name not in others
 
 

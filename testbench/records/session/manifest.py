@@ -61,6 +61,15 @@ class RunStatus(StrEnum):
     INTERRUPTED = "interrupted"
 
 
+ENDED = {
+    RunStatus.RUNNING: "the recording was not closed",
+    RunStatus.ERROR: "the run ended in an error",
+    RunStatus.INTERRUPTED: "the run was interrupted",
+    RunStatus.ABORTED: "the run was aborted",
+}
+"""How a run ended that is not complete."""
+
+
 class _Part(BaseModel):
     """A part of a manifest; keys that are not named here may be there, and are kept."""
 
@@ -107,6 +116,10 @@ class SensorRecord(_WholePart):
         hemisphere: Where it was recorded, which tells whether the magnetic field points down; null
             where nobody says.
         truth: Where the truth of an import comes from.
+        truth_link: Link of an arm whose joint angles made the truth; null where it is that of
+            orientations.
+        truth_otherwise: What of the joint angles must be read otherwise for that link to turn as
+            the sensor does; null where nothing is known of it.
         truth_offset_s: What a person said is to be added to the truth's times, and was.
         truth_world: Whether the z axis of the truth's world points up ("z_up"), or nobody knows
             where up is in it ("unknown").
@@ -129,6 +142,8 @@ class SensorRecord(_WholePart):
     device_tag: str | None = None
     hemisphere: Literal["north", "south"] | None = None
     truth: str | None = None
+    truth_link: str | None = None
+    truth_otherwise: str | None = None
     truth_offset_s: float | None = None
     truth_world: Literal["z_up", "unknown"] = "z_up"
     truth_sd_deg: float | None = Field(default=None, ge=0)

@@ -18,12 +18,15 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
 
 from testbench.exceptions import SessionError
 from testbench.records.disk.json_record import first_problem
-from testbench.records.disk.tables import write_parquet
+from testbench.records.disk.tables import read_parquet, write_parquet
 from testbench.records.session.sound_tables import LATEST_NS
 from testbench.records.session.trajectory import Trajectory
 from testbench.records.specs.protocol import Protocol
 from testbench.records.specs.protocol_steps import Role
 from testbench.records.specs.robot import Robot
+
+_KNOTS = (("q", "_rad"), ("v", "_rad_s"), ("a", "_rad_s2"))
+"""Columns of the file of a plan, about each joint's name."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +146,27 @@ def stored_steps(file: Path) -> list[PlannedStep]:
         return [step_of(data) for data in json.loads(notes[b"steps"])]
     except (OSError, pa.ArrowException, ValueError, KeyError, TypeError, AttributeError) as error:
         raise SessionError(f"the plan {file} cannot be read: {error}") from None
+
+
+def stored_trajectory(file: Path, joints: Sequence[str]) -> Trajectory:
+    """The motion of a plan that was written to a file.
+
+    Args:
+        file: As `Plan.save` writes it.
+        joints: Names of the arm's joints, in the robot's order.
+
+    Raises:
+        SessionError: The file is missing or damaged.
+    """
+    table = read_parquet(file)
+    columns = [[f"{kind}_{joint}{unit}" for joint in joints] for kind, unit in _KNOTS]
+    missing = [name for group in columns for name in group if name not in table]
+    if missing or "host_time_ns" not in table:
+        raise SessionError(
+            f"{file} is damaged: it has no column {(missing or ['host_time_ns'])[0]}"
+        )
+    q, v, a = (np.column_stack([table[name] for name in group]) for group in columns)
+    return Trajectory(table["host_time_ns"], q, v, a)
 
 
 @dataclass(frozen=True)
@@ -303,9 +327,8 @@ class Plan:
             "step": np.searchsorted(starts, knots.time_ns, side="right") - 1,
         }
         for i, joint in enumerate(self.robot.joint_names):
-            columns[f"q_{joint}_rad"] = knots.q[:, i]
-            columns[f"v_{joint}_rad_s"] = knots.v[:, i]
-            columns[f"a_{joint}_rad_s2"] = knots.a[:, i]
+            for (kind, unit), values in zip(_KNOTS, (knots.q, knots.v, knots.a), strict=True):
+                columns[f"{kind}_{joint}{unit}"] = values[:, i]
         notes = {
             "content": "knots of the planned joint motion, joined by quintic polynomials that meet "
             "q, v and a",

@@ -16,11 +16,10 @@ from pathlib import Path
 from testbench.exceptions import SessionError
 from testbench.frames import NANOSECONDS
 from testbench.records.disk.json_file import read_json, write_json
+from testbench.records.disk.user_folders import user_folder
 from testbench.records.session.layout import MANIFEST, is_raw, is_read_raw
 from testbench.records.session.session import Session
 
-CACHE = "testbench"
-"""Folder in the user's cache folder (XDG Base Directory Specification 0.8)."""
 COARSEST_STAMP_NS = 2 * NANOSECONDS
 """A file that was written to within one tick of its file system's clock after it was hashed has the
 same stamps: what is as young as the coarsest tick in use (FAT: 2 s) is not remembered.
@@ -171,18 +170,8 @@ class Memory:
 
 
 def cache_folder() -> Path | None:
-    """The bench's folder in the user's cache folder, None where the user has none.
-
-    XDG Base Directory Specification 0.8: `$XDG_CACHE_HOME` if that is an absolute path, else
-    `~/.cache`.
-    """
-    stated = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    if stated.is_absolute():
-        return stated / CACHE
-    try:
-        return Path.home() / ".cache" / CACHE
-    except RuntimeError:
-        return None
+    """The bench's folder in the user's cache folder, None where the user has none."""
+    return user_folder("XDG_CACHE_HOME", ".cache")
 
 
 def _forget(folder: Path) -> None:

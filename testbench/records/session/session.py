@@ -67,6 +67,16 @@ class Event:
         return json.dumps({"host_time_ns": self.host_time_ns, "event": self.event, **self.details})
 
 
+def event_of(line: str) -> Event | None:
+    """The event of a line of events.jsonl; None of one that is cut off, empty, or damaged."""
+    try:
+        data = json.loads(line)
+        time, name = data.pop("host_time_ns"), data.pop("event")
+    except (ValueError, KeyError, AttributeError, RecursionError):
+        return None
+    return Event(time, name, data) if isinstance(time, int) and isinstance(name, str) else None
+
+
 class Session:
     """A recorded session.
 
@@ -407,22 +417,13 @@ class Session:
     def events(self) -> list[Event]:
         """Everything that happened, in order; a last line cut off by a crash is left out."""
         file = self.path / EVENTS
-        events = []
-        for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else []:
-            try:
-                data = json.loads(line)
-                time, name = data.pop("host_time_ns"), data.pop("event")
-            except (
-                ValueError,
-                KeyError,
-                AttributeError,
-                RecursionError,
-            ):  # cut off, empty, or damaged
-                continue
-            if isinstance(time, int) and isinstance(name, str):
-                if abs(time) > LATEST_NS:
-                    raise SessionError(f"{file} is damaged: {time} is no time of an event")
-                events.append(Event(time, name, data))
+        lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+        events = [event for line in lines if (event := event_of(line)) is not None]
+        for event in events:
+            if abs(event.host_time_ns) > LATEST_NS:
+                raise SessionError(
+                    f"{file} is damaged: {event.host_time_ns} is no time of an event"
+                )
         return events
 
     @cached_property

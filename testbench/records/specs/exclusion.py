@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from testbench.records.specs.strict import StrictModel
 
-DoubtfulSamples = Literal["zeros", "stuck", "clipped", "spike", "straight"]
+DoubtfulSamples = Literal["zeros", "stuck", "clipped", "spike", "straight", "wrapped"]
 """Gates that judge by what sensors usually do, and that a person may know better than."""
 
 

@@ -91,6 +91,11 @@ class PublishedRow(StrictModel):
 
     label: str
     values: list[float | None]
+    corrected: list[float | None] = Field(
+        default=[],
+        description="Where a value is a misprint by the source's own numbers: what these make of "
+        "it, in its place; none elsewhere.",
+    )
     outliers: list[float] = Field(default=[], description="Of a box plot, one by one.")
     outlier_count: int | None = Field(default=None, description="Where only their number is given.")
     remark: str = ""
@@ -110,6 +115,11 @@ class PublishedTable(StrictModel):
                 raise ValueError(
                     f"row '{row.label}' has {len(row.values)} values for {len(self.columns)} "
                     "columns"
+                )
+            if row.corrected and len(row.corrected) != len(row.values):
+                raise ValueError(
+                    f"row '{row.label}' has {len(row.corrected)} corrected values for "
+                    f"{len(row.values)} printed ones"
                 )
         return self
 

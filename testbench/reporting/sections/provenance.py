@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from testbench.frames import NANOSECONDS
 from testbench.records.session.manifest import CheckRecord
+from testbench.records.session.sensor_file import SensorFile
 from testbench.records.session.session import Session
 from testbench.reporting.page.page import Block, Section
 from testbench.reporting.page.tables import (
@@ -92,18 +94,45 @@ def _repeatable(session: Session) -> str:
     )
 
 
+@dataclass(frozen=True)
+class _Counted:
+    """What the raw samples of a sensor come to, looked at in pieces.
+
+    Attributes:
+        span_s: From the first to the last by the sensor's own clock [s].
+        advance: By how much its counter went on.
+        lost: How many numbers it left out.
+        saturated: Samples at full scale.
+    """
+
+    span_s: float
+    advance: int
+    lost: int
+    saturated: int
+
+    @staticmethod
+    def of(file: SensorFile) -> _Counted:
+        """Those of a sensor."""
+        advance = lost = saturated = 0
+        ends, last = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        for columns in file.tables(columns=["counter", "device_time_ns", "saturated"]):
+            steps = np.diff(np.concatenate([last, columns["counter"]]))
+            on = steps[steps > 0]
+            advance, lost = advance + int(on.sum()), lost + int((on - 1).sum())
+            saturated += int(columns["saturated"].sum())
+            times = columns["device_time_ns"]
+            ends = np.concatenate([ends[:1], times[:1], times[-1:]])
+            last = columns["counter"][-1:]
+        span_s = float(ends[-1] - ends[0]) / NANOSECONDS if len(ends) else 0.0
+        return _Counted(span_s, advance, lost, saturated)
+
+
 def _quality(session: Session) -> Table:
     rows = []
     for name in session.sensor_names:
-        n = session.sample_count(name)
-        steps = np.diff(session.imu_column(name, "counter"))
-        lost = int(np.sum(steps[steps > 0] - 1)) if n else 0
-        ends = [
-            session.imu_column(name, "device_time_ns", row, row + 1) for row in (0, max(n - 1, 0))
-        ]
-        span = float(ends[1][0] - ends[0][0]) / NANOSECONDS if n > 1 else 0.0
-        rate = float(np.sum(steps[steps > 0])) / span if span > 0 else None
-        saturated = int(session.imu_column(name, "saturated").sum())
+        n, counted = session.sample_count(name), _Counted.of(session.sensor(name))
+        lost, span = counted.lost, counted.span_s
+        rate = counted.advance / span if span > 0 else None
         rows.append(
             Row(
                 [
@@ -112,7 +141,7 @@ def _quality(session: Session) -> Table:
                     number(rate, 3),
                     number(lost, 0),
                     number(100 * lost / max(n + lost, 1), 2),
-                    number(saturated, 0),
+                    number(counted.saturated, 0),
                 ]
             )
         )

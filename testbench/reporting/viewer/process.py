@@ -14,6 +14,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,8 @@ from testbench.reporting.viewer.recording import save_recording
 from testbench.reporting.viewer.timeline import TIMELINE
 
 LOOPBACK = "127.0.0.1"
+EVERYWHERE = ("0.0.0.0", "::")
+WEB_PORT = 9090
 START_TIMEOUT, TIMELINE_TIMEOUT = 30.0, 30.0
 """How long the viewer may take to answer, and then to load so much that it knows the timelines
 [s].
@@ -48,46 +51,113 @@ class ViewerError(BenchError):
     """The viewer could not be started, or could not draw."""
 
 
+@dataclass(frozen=True)
+class Where:
+    """Where a session is looked at: in a window, or on a page that is served.
+
+    Attributes:
+        web: Serve to browsers instead of opening a window.
+        port: Of the page; one that is free if None, 9090 where it is.
+        bind: Address of this machine that is listened at.
+    """
+
+    web: bool = False
+    port: int | None = None
+    bind: str = LOOPBACK
+
+
+@dataclass(frozen=True)
+class Doors:
+    """How a viewer is started, and how it is reached.
+
+    Attributes:
+        options: Of the viewer.
+        listens: Host and port that what is drawn is sent to.
+        page: To open in a browser; empty where there is a window.
+    """
+
+    options: list[str]
+    listens: tuple[str, int]
+    page: str = ""
+
+    @property
+    def proxy(self) -> str:
+        """The same as rerun spells it."""
+        host, port = self.listens
+        return f"rerun+http://{_in_address(host)}:{port}/proxy"
+
+
+def doors(where: Where) -> Doors:
+    """Ports that are free, and the address that they have."""
+    port = free_port()
+    options = ["--bind", where.bind, "--port", str(port)]
+    near = LOOPBACK if where.bind in EVERYWHERE else where.bind
+    if not where.web:
+        return Doors(options, (near, port))
+    page = where.port or (WEB_PORT if _is_free(WEB_PORT) else free_port())
+    host = _in_address(socket.gethostname() if where.bind in EVERYWHERE else where.bind)
+    options += ["--serve-web", "--web-viewer-port", str(page)]
+    if where.bind != LOOPBACK:  # a page from elsewhere is let in by its name only
+        options += ["--cors-allow-origin", f"http://{host}:{page}"]
+    source = quote(f"rerun+http://{host}:{port}/proxy", safe="")
+    return Doors(options, (near, port), f"http://{host}:{page}/?url={source}")
+
+
+def _in_address(host: str) -> str:
+    """A host as addresses spell it."""
+    return f"[{host}]" if ":" in host else host
+
+
 def view(
     session: Session,
-    web: bool = False,
+    where: Where | None = None,
     estimate: Estimate | None = None,
     evaluation: Evaluation | None = None,
-    web_port: int = 9090,
     announce: Callable[[str], None] | None = None,
 ) -> None:
     """Show a session until the viewer is closed, or until Ctrl-C.
 
     Args:
         session: The recording; session.rrd is written into its folder.
-        web: Serve to a browser on this machine instead of opening a window.
+        where: In a window if None.
         estimate: As `save_recording` takes it.
         evaluation: Of its errors, as `save_recording` takes it.
-        web_port: Of the web page.
-        announce: Told where to look.
+        announce: Told where to look: the file, or the address of the page.
 
     Raises:
         ViewerError: The viewer is not installed, or ended with an error.
     """
     path = save_recording(session, session.path / RECORDING, estimate, evaluation)
-    port = free_port()
-    options = ["--port", str(port)]
-    place = str(path)
-    if web:
-        options += ["--web-viewer", "--web-viewer-port", str(web_port)]
-        source = quote(f"rerun+http://{LOOPBACK}:{port}/proxy", safe="")
-        place = f"http://{LOOPBACK}:{web_port}/?url={source}"
-    with _viewer([*options, str(path)], quiet=False) as process, _ended_by_signal():
+    found = doors(where or Where())
+    quiet = bool(found.page)  # its own words name several addresses
+    with running_viewer([*found.options, str(path)], quiet) as process, ended_by_signal():
         if announce is not None:
-            announce(place)
+            announce(found.page or str(path))
         try:
             code = process.wait()
         except KeyboardInterrupt:
             return
     if code != 0:
         raise ViewerError(
-            f"the viewer ended with code {code}; without a screen use --web, --save or --screenshot"
+            f"the viewer ended with code {code}; without a screen use --web, --save or "
+            "--screenshot; a port may be taken"
         )
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What a picture shows.
+
+    Attributes:
+        time_s: Instant, from the start of the session [s]; two thirds into its longest section if
+            None.
+        size: Width and height [pixels].
+        only: The one pane that is drawn; all if None.
+    """
+
+    time_s: float | None = None
+    size: tuple[int, int] = (1920, 1200)
+    only: str | None = None
 
 
 def screenshot(
@@ -95,8 +165,7 @@ def screenshot(
     path: str | Path,
     estimate: Estimate | None = None,
     evaluation: Evaluation | None = None,
-    time_s: float | None = None,
-    size: tuple[int, int] = (1920, 1200),
+    picture: Picture | None = None,
 ) -> Path:
     """Draw what the viewer shows into a PNG, without a screen.
 
@@ -105,35 +174,29 @@ def screenshot(
         path: The .png file to write.
         estimate: As `save_recording` takes it.
         evaluation: Of its errors, as `save_recording` takes it.
-        time_s: Of the picture, from the start of the session [s]; two thirds into its longest
-            section if None.
-        size: Width and height [pixels].
+        picture: What it shows; the usual if None.
 
     Returns:
         The path.
 
     Raises:
         ViewerError: There is no Vulkan driver to draw with, or the viewer failed otherwise.
+        NotFoundError: There is no such pane.
         InputError: The place cannot be written to.
         StorageError: The disk is full.
     """
-    path = Path(path)
+    path, picture = Path(path), picture or Picture()
     with tempfile.TemporaryDirectory(prefix="testbench_view_") as folder:
-        picture = Path(folder) / "picture.png"
-        recording = save_recording(session, Path(folder) / RECORDING, estimate, evaluation)
-        port = free_port()
-        options = [
-            "--headless",
-            "--port",
-            str(port),
-            "--window-size",
-            f"{size[0]}x{size[1]}",
-            str(recording),
-        ]
-        with _viewer(options, quiet=True) as process:
-            _draw(process, port, picture, _telling_time(session) if time_s is None else time_s)
+        drawn, file = Path(folder) / "picture.png", Path(folder) / RECORDING
+        recording = save_recording(session, file, estimate, evaluation, picture.only)
+        port, (width, height) = free_port(), picture.size
+        options = ["--bind", LOOPBACK, "--port", str(port), "--headless"]
+        options += ["--window-size", f"{width}x{height}", str(recording)]
+        time_s = _telling_time(session) if picture.time_s is None else picture.time_s
+        with running_viewer(options, quiet=True) as process:
+            _draw(process, port, drawn, time_s)
         with stored_where_asked(path), replaced_file(path) as partial:
-            shutil.copyfile(picture, partial)
+            shutil.copyfile(drawn, partial)
     return path
 
 
@@ -237,7 +300,7 @@ def _telling_time(session: Session) -> float:
 
 
 @contextmanager
-def _ended_by_signal() -> Iterator[None]:
+def ended_by_signal() -> Iterator[None]:
     """Let a polite request to end (SIGTERM) stop the wait like Ctrl-C, so that the viewer ends too.
 
     In the main thread only.
@@ -257,11 +320,11 @@ def _ended_by_signal() -> Iterator[None]:
 
 
 @contextmanager
-def _viewer(options: list[str], quiet: bool) -> Iterator[subprocess.Popen[bytes]]:
+def running_viewer(options: list[str], quiet: bool) -> Iterator[subprocess.Popen[bytes]]:
     """The viewer as a child process that ends with the block."""
     with tempfile.TemporaryDirectory(prefix="testbench_viewer_") as folder:
         output = subprocess.DEVNULL if quiet else None
-        command = [str(viewer_program()), "--bind", LOOPBACK, *options]
+        command = [str(viewer_program()), *options]
         process = subprocess.Popen(
             command, env=_environment(Path(folder)), stdout=output, stderr=output
         )
@@ -312,3 +375,9 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1])
+
+
+def _is_free(port: int) -> bool:
+    """Whether nothing of this machine listens on a port."""
+    with socket.socket() as probe:
+        return probe.connect_ex((LOOPBACK, port)) != 0

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import tempfile
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,14 +22,20 @@ from testbench.records.session.session import Session
 from testbench.records.specs.protocol import Sensor
 from testbench.records.specs.robot import Robot
 from testbench.reporting.page.palette import rgb
-from testbench.reporting.viewer.timeline import changing, every, send
+from testbench.reporting.viewer.timeline import departing, every, send
 
 WORLD = "bench"
 ARM_RATE, AXES_RATE = 50.0, 20.0
 """Rates of what moves [Hz]."""
 SIDE_BY_SIDE_LENGTH = 0.15
-STILL = 2e-5
-"""A joint that moves less than this between two instants stands still [rad]."""
+STILL = 1e-4
+"""A joint is drawn anew once it is off by more than this [rad]."""
+TURNED = 2e-3
+"""Axes are drawn anew once a part of their quaternion is off by more than this, a quarter of a
+degree turned and less than a pixel, or their place by as many metres.
+"""
+MOST_POSES = 20_000
+"""Of one body, over the whole of a long recording."""
 TRUE_AXES = ((230, 60, 60), (60, 170, 60), (70, 110, 240))
 TRUE_LENGTH, ESTIMATED_LENGTH = 0.12, 0.085
 ROW, COLUMN = 0.4, 0.4
@@ -36,34 +44,59 @@ WIDE = 1.8
 """Part of the height of all rows that the columns may take, up to three times the least distance
 apart.
 """
-PER_ROW = 6
-"""Axes of one sensor in a row; of more, those that are left go on in the next."""
+MOST_ROWS, MOST_COLUMNS = 8, 5
+"""Of axes that stand side by side: more sensors go on beside the others, and of more filters the
+last ones have no axes.
+"""
+MOST_LEVEL = 4
+"""Names that stand beside one another on one level."""
+
+
+class DrawnArm:
+    """The arm by its meshes, moved by its joints' angles.
+
+    Args:
+        recording: To draw into.
+        robot: The arm.
+    """
+
+    def __init__(self, recording: rr.RecordingStream, robot: Robot):
+        self._recording = recording
+        with tempfile.TemporaryDirectory() as folder:
+            urdf = Path(folder) / "robot.urdf"
+            urdf.write_text(viewable_urdf(robot), encoding="utf-8")
+            tree = rr.urdf.UrdfTree.from_file_path(
+                urdf,
+                entity_path_prefix="arm",
+                frame_prefix="arm/",
+                static_transform_entity_path="arm/transforms",
+            )
+            tree.log_urdf_to_recording(recording)
+            recording.flush()
+        base = Pose.from_placement(robot.spec.base)
+        root = f"arm/{tree.root_link().name}"
+        recording.log("arm/base", _transform(base, WORLD, root), static=True)
+        self._joints = [(name, tree.get_joint_by_name(name)) for name in robot.joint_names]
+
+    def move(self, time_ns: np.ndarray, q: np.ndarray) -> None:
+        """Let it stand as it did.
+
+        Args:
+            time_ns: Host times, shape (n,) [ns].
+            q: Angles in the robot's order, shape (n, n_joints) [rad].
+        """
+        for column, (name, joint) in enumerate(self._joints):
+            if joint is None or not len(q):
+                continue
+            rows = departing(q[:, [column]], STILL)
+            transforms = joint.compute_transform_columns(q[rows, column].tolist(), clamp=False)
+            send(self._recording, f"arm/joints/{name}", time_ns[rows], transforms)
 
 
 def log_arm(recording: rr.RecordingStream, robot: Robot, samples: ArmSamples) -> None:
     """The arm as its joints were measured."""
-    with tempfile.TemporaryDirectory() as folder:
-        urdf = Path(folder) / "robot.urdf"
-        urdf.write_text(viewable_urdf(robot), encoding="utf-8")
-        tree = rr.urdf.UrdfTree.from_file_path(
-            urdf,
-            entity_path_prefix="arm",
-            frame_prefix="arm/",
-            static_transform_entity_path="arm/transforms",
-        )
-        tree.log_urdf_to_recording(recording)
-        recording.flush()
-    base = Pose.from_placement(robot.spec.base)
-    recording.log("arm/base", _transform(base, WORLD, f"arm/{tree.root_link().name}"), static=True)
-    chosen = np.arange(len(samples.host_time_ns))[every(samples.host_time_ns, ARM_RATE)]
-    q = samples.q_measured[chosen]
-    for column, name in enumerate(samples.joint_names):
-        joint = tree.get_joint_by_name(name)
-        if joint is None or not len(q):
-            continue
-        rows = changing(q[:, [column]], STILL)
-        transforms = joint.compute_transform_columns(q[rows, column].tolist(), clamp=False)
-        send(recording, f"arm/joints/{name}", samples.host_time_ns[chosen][rows], transforms)
+    shown = every(samples.host_time_ns, ARM_RATE, MOST_POSES)
+    DrawnArm(recording, robot).move(samples.host_time_ns[shown], samples.q_measured[shown])
 
 
 def viewable_urdf(robot: Robot) -> str:
@@ -136,7 +169,7 @@ def log_estimated_sensor(
     )
     if robot is None or sensor is None or own is None or not own.orientation:
         return
-    time = own.host_time_ns[every(own.host_time_ns, AXES_RATE)]
+    time = own.host_time_ns[every(own.host_time_ns, AXES_RATE, MOST_POSES)]
     q = np.column_stack(
         [
             np.interp(time, arm.host_time_ns, arm.q_measured[:, i])
@@ -149,16 +182,11 @@ def log_estimated_sensor(
         .position
     )
     for key, orientation in own.orientation.items():
-        shown = orientation[every(own.host_time_ns, AXES_RATE)]
+        shown = orientation[every(own.host_time_ns, AXES_RATE, MOST_POSES)]
         path = f"sensors/{name}/estimated/{key}"
-        _log_moving_axes(
+        log_moving_axes(
             recording, path, time, shown, position, ESTIMATED_LENGTH, [rgb(colours[key])] * 3
         )
-
-
-def arrangement(sensors: int, axes: int) -> tuple[int, int]:
-    """Rows and columns of so many sensors, each with so many axes."""
-    return max(sensors, 1) * -(-axes // PER_ROW), min(axes, PER_ROW)
 
 
 def column_width(rows: int, columns: int) -> float:
@@ -168,60 +196,71 @@ def column_width(rows: int, columns: int) -> float:
     return float(np.clip(WIDE * ROW * rows / max(columns, 1), COLUMN, 3 * COLUMN))
 
 
-# One piece: the place of each cell decides where its axes and its name are drawn.
-def log_side_by_side(
-    recording: rr.RecordingStream,
-    truths: dict[str, Truth | None],
-    estimate: Estimate | None,
-    colours: dict[str, str],
-    columns: int,
-) -> None:
-    """True and estimated axes of every sensor, `columns` of them at most, each with its name
-    beneath, or before it.
+@dataclass(frozen=True)
+class Cells:
+    """Where the axes of sensors stand beside one another, each with its name beneath or before it.
+
+    Attributes:
+        sensors: How many there are.
+        axes: Most axes of one sensor.
     """
-    labels: list[tuple[str, tuple[float, float, float]]] = []
-    rows, across = arrangement(len(truths), columns)
-    width, rows_each = column_width(rows, across), rows // max(len(truths), 1)
-    for sensor, (name, truth) in enumerate(truths.items()):
-        cells = [] if truth is None else [("true", truth.host_time_ns, truth.q_world_from_sensor)]
-        own = None if estimate is None else estimate.sensors.get(name)
-        cells += (
-            []
-            if own is None
-            else [(key, own.host_time_ns, q) for key, q in own.orientation.items()]
-        )
-        for i, (key, time, q) in enumerate(cells):
-            row, column = sensor * rows_each + i // PER_ROW, i % PER_ROW
-            place = np.array([0.0, width * column, -ROW * row])
-            aside, below = (
-                (0.5 * (width - COLUMN), 0.0) if width > 2 * COLUMN else (0.0, 0.45 * ROW)
-            )
-            if rows_each > 1 and column % 2:  # long names side by side would cover each other
-                below += 0.16 * ROW
-            labels.append(
-                (
-                    f"{name}, true" if key == "true" else key,
-                    (0.0, place[1] - aside, place[2] - below),
-                )
-            )
-            shades = (
-                list(TRUE_AXES)
-                if key == "true"
-                else [_tinted(axis, rgb(colours[key])) for axis in TRUE_AXES]
-            )
-            chosen = every(time, AXES_RATE)
-            known = np.isfinite(q[chosen]).all(axis=1)
-            steady = np.tile(place, (int(known.sum()), 1))
-            path = f"orientations/{name}/{key}"
-            _log_moving_axes(
-                recording,
-                path,
-                time[chosen][known],
-                q[chosen][known],
-                steady,
-                SIDE_BY_SIDE_LENGTH,
-                shades,
-            )
+
+    sensors: int
+    axes: int
+
+    @property
+    def rows(self) -> int:
+        """Sensors above one another."""
+        return -(-max(self.sensors, 1) // _blocks(self.sensors))
+
+    @property
+    def columns(self) -> int:
+        """Axes beside one another."""
+        return _blocks(self.sensors) * self.axes
+
+    @property
+    def width(self) -> float:
+        """Distance between columns [m]."""
+        return column_width(self.rows, self.columns)
+
+    def places(self, sensor: int, cell: int) -> tuple[np.ndarray, np.ndarray]:
+        """Where the axes of a cell are, and where its name is, shape (3,) each [m].
+
+        Args:
+            sensor: Its place among the sensors.
+            cell: Of the sensor's axes.
+        """
+        width, column = self.width, sensor // self.rows * self.axes + cell
+        aside, below = (0.5 * (width - COLUMN), 0.0) if width > 2 * COLUMN else (0.0, 0.45 * ROW)
+        # long names side by side would cover each other
+        if self.columns > MOST_LEVEL and column % 2:
+            below += 0.2 * ROW
+        place = np.array([0.0, width * column, -ROW * (sensor % self.rows)])
+        return place, place - [0.0, aside, below]
+
+
+def _blocks(sensors: int) -> int:
+    """Into how many columns of sensors they are divided."""
+    return -(-max(sensors, 1) // MOST_ROWS)
+
+
+def axes_each(sensors: int, axes: int) -> int:
+    """How many of the axes of a sensor there is room for.
+
+    Args:
+        sensors: How many stand side by side.
+        axes: Most axes that one of them has.
+    """
+    return min(axes, max(1, MOST_COLUMNS // _blocks(sensors)))
+
+
+def log_names(recording: rr.RecordingStream, labels: Sequence[tuple[str, np.ndarray]]) -> None:
+    """The names of axes that stand side by side.
+
+    Args:
+        recording: To draw into.
+        labels: Each name and its place, shape (3,) [m].
+    """
     if labels:
         texts, places = zip(*labels, strict=True)
         points = rr.Points3D(
@@ -230,7 +269,54 @@ def log_side_by_side(
         recording.log("orientations/names", rr.CoordinateFrame(WORLD), points, static=True)
 
 
-def _log_moving_axes(
+def log_side_by_side(
+    recording: rr.RecordingStream,
+    truths: dict[str, Truth | None],
+    estimate: Estimate | None,
+    colours: dict[str, str],
+    columns: int,
+    orders: Mapping[str, Sequence[str]],
+) -> None:
+    """True and estimated axes of every sensor, each with its name beneath, or before it.
+
+    Args:
+        recording: To draw into.
+        truths: By sensor.
+        estimate: Of the orientations.
+        colours: By filter.
+        columns: Most axes of one sensor.
+        orders: Filters of each sensor, those that are wanted most first.
+    """
+    labels: list[tuple[str, np.ndarray]] = []
+    cells = Cells(len(truths), columns)
+    for sensor, (name, truth) in enumerate(truths.items()):
+        axes = [] if truth is None else [("true", truth.host_time_ns, truth.q_world_from_sensor)]
+        own = None if estimate is None else estimate.sensors.get(name)
+        if own is not None:
+            axes += [(key, own.host_time_ns, own.orientation[key]) for key in orders[name]]
+        for i, (key, time, q) in enumerate(axes[:columns]):
+            place, beneath = cells.places(sensor, i)
+            labels.append((f"{name}: {key}" if i == 0 else key, beneath))
+            chosen = every(time, AXES_RATE, MOST_POSES)
+            known = np.isfinite(q[chosen]).all(axis=1)
+            log_moving_axes(
+                recording,
+                f"orientations/{name}/{key}",
+                time[chosen][known],
+                q[chosen][known],
+                np.tile(place, (int(known.sum()), 1)),
+                SIDE_BY_SIDE_LENGTH,
+                shades(colours.get(key)),
+            )
+    log_names(recording, labels)
+
+
+def shades(colour: str | None) -> list[tuple[int, int, int]]:
+    """Colours of three axes: red, green and blue, with a filter's in them if there is one."""
+    return list(TRUE_AXES) if colour is None else [_tinted(axis, rgb(colour)) for axis in TRUE_AXES]
+
+
+def log_moving_axes(
     recording: rr.RecordingStream,
     path: str,
     time_ns: np.ndarray,
@@ -239,9 +325,52 @@ def _log_moving_axes(
     length: float,
     colours: list[tuple[int, int, int]],
 ) -> None:
+    """Three axes and their whole motion; nothing where there is none.
+
+    Args:
+        recording: To draw into.
+        path: Of the axes.
+        time_ns: Host times, shape (n,) [ns].
+        q_world_from_sensor: Shape (n, 4).
+        position: In the world, shape (n, 3) [m].
+        length: Of each axis [m].
+        colours: Of each axis.
+    """
+    send_poses(recording, path, time_ns, q_world_from_sensor, position)
+    if len(time_ns):
+        log_axes(recording, path, length, colours)
+
+
+def log_axes(
+    recording: rr.RecordingStream,
+    path: str,
+    length: float,
+    colours: list[tuple[int, int, int]],
+) -> None:
+    """Three axes, to be moved by `send_poses`."""
+    axes = _axes(length, tuple(colours), 0.026 * length)
+    recording.log(path, rr.CoordinateFrame(path), axes, static=True)
+
+
+def send_poses(
+    recording: rr.RecordingStream,
+    path: str,
+    time_ns: np.ndarray,
+    q_world_from_sensor: np.ndarray,
+    position: np.ndarray,
+) -> None:
+    """Where axes stand, and how they are turned.
+
+    Args:
+        recording: To draw into.
+        path: Of the axes.
+        time_ns: Host times, shape (n,) [ns].
+        q_world_from_sensor: Shape (n, 4).
+        position: In the world, shape (n, 3) [m].
+    """
     if not len(time_ns):
         return
-    rows = changing(np.column_stack([q_world_from_sensor, position]), STILL)
+    rows = departing(np.column_stack([q_world_from_sensor, position]), TURNED)
     q = np.roll(q_world_from_sensor[rows], -1, axis=1)  # rerun wants x, y, z, w
     columns = rr.Transform3D.columns(
         translation=position[rows],
@@ -250,9 +379,6 @@ def _log_moving_axes(
         child_frame=[path] * len(rows),
     )
     send(recording, f"{path}/pose", time_ns[rows], columns)
-    recording.log(
-        path, rr.CoordinateFrame(path), _axes(length, tuple(colours), 0.026 * length), static=True
-    )
 
 
 def _axes(length: float, colours: tuple[tuple[int, int, int], ...], radius: float) -> rr.Arrows3D:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 import rerun as rr
@@ -12,17 +12,27 @@ from testbench.records.findings.finding import Finding, Severity, told_once
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
 from testbench.records.session.layout import chain_table, joint_table, orientation_table
+from testbench.records.session.plan import PlannedStep
 from testbench.records.session.samples import ImuSamples
-from testbench.records.session.session import Session
+from testbench.records.session.session import Event, Session
 from testbench.reporting.page.palette import COLOURS, REFERENCE, filter_colours, rgb
-from testbench.reporting.viewer.timeline import every, send
+from testbench.reporting.viewer.shown_first import by_flexion, by_orientation, visible
+from testbench.reporting.viewer.timeline import every, extremes, send
 
 ERROR_RATE = 20.0
 """Rate of the error signals [Hz]."""
 AXIS_COLOURS = ((230, 70, 70), (60, 160, 60), (70, 110, 240))
+LEVELS = {"run_error": "ERROR", "run_aborted": "ERROR", "run_interrupted": "WARN", "guard": "WARN"}
+"""Of events that somebody should see, by kind."""
 PHASES = {"move": "#5b6f8a", "dwell": "#2b333d", "sweep": "#a8641c"}
 MOST_JOINTS = 4
 """Joints of a chain that one tab has room for."""
+SIGNALS = {
+    "rate_deg_s": ("gyr", "angular rate [deg/s]"),
+    "specific_force_m_s2": ("acc", "specific force [m/s²]"),
+    "magnetic_field_uT": ("mag", "field [µT]"),
+}
+"""Attribute and title of each signal of a sensor."""
 PARTS = ("total", "inclination", "heading")
 
 
@@ -36,10 +46,16 @@ def log_imu(
         if own is not None and len(own.host_time_ns) == len(samples)
         else samples.host_time_ns
     )
-    _log_vector(recording, f"imu/{name}/rate_deg_s", time, np.degrees(samples.gyr))
-    _log_vector(recording, f"imu/{name}/specific_force_m_s2", time, samples.acc)
-    if samples.mag is not None:
-        _log_vector(recording, f"imu/{name}/magnetic_field_uT", time, samples.mag)
+    for key in signals_of(samples):
+        values = getattr(samples, SIGNALS[key][0])
+        shown = np.degrees(values) if key == "rate_deg_s" else values
+        _log_vector(recording, f"imu/{name}/{key}", time, shown)
+
+
+def signals_of(samples: ImuSamples) -> list[str]:
+    """The keys of `SIGNALS` that a sensor has: a file without rates has them not a number."""
+    found = {key: getattr(samples, SIGNALS[key][0]) for key in SIGNALS}
+    return [k for k, own in found.items() if own is not None and np.isfinite(own).any()]
 
 
 def log_errors(
@@ -49,52 +65,91 @@ def log_errors(
     start drowns them [deg].
     """
     for sensor in dict.fromkeys(row.sensor for row in evaluation.orientation):
-        series = evaluation.series.get(orientation_table(sensor), {})
-        filters = list(
-            dict.fromkeys(row.filter for row in evaluation.orientation if row.sensor == sensor)
-        )
-        for part in PARTS:
-            lines = {
-                key: series[f"{key}_{part}_rad"] for key in filters if f"{key}_{part}_rad" in series
-            }
-            _log_lines(
-                recording,
-                f"errors/{sensor}/{part}",
-                series.get("host_time_ns"),
-                lines,
-                colours,
-                _first(series),
-            )
-    for joint in dict.fromkeys(row.joint for row in evaluation.joint_angle):
-        series = evaluation.series.get(joint_table(joint), {})
-        keys = list(
-            dict.fromkeys(
-                (row.filter, row.sequence) for row in evaluation.joint_angle if row.joint == joint
-            )
-        )
-        for sequence in dict.fromkeys(own for _, own in keys):
-            for kind in ("flexion", "error"):
-                lines = (
-                    {"true": series["reference_rad"]}
-                    if kind == "flexion" and "reference_rad" in series
-                    else {}
-                )
-                columns = {
-                    key: f"{key}_{sequence}_{kind}_rad" for key, own in keys if own == sequence
-                }
-                lines |= {
-                    key: series[column] for key, column in columns.items() if column in series
-                }
-                path = f"joints/{joint}/{sequence}/{kind}"
-                begin = _first(series) if kind == "error" else 0
-                _log_lines(
-                    recording,
-                    path,
-                    series.get("host_time_ns"),
-                    lines,
-                    {"true": REFERENCE, **colours},
-                    begin,
-                )
+        _log_orientation_errors(recording, evaluation, colours, sensor)
+    for joint, sequence in dict.fromkeys(
+        (row.joint, row.sequence) for row in evaluation.joint_angle
+    ):
+        _log_flexion(recording, evaluation, {"true": REFERENCE, **colours}, joint, sequence)
+
+
+def _log_orientation_errors(
+    recording: rr.RecordingStream, evaluation: Evaluation, colours: Mapping[str, str], sensor: str
+) -> None:
+    """The parts of the errors of one sensor, with the uncertainty of the truth."""
+    series = evaluation.series.get(orientation_table(sensor), {})
+    filters = by_orientation(evaluation, sensor)
+    rows = [row for row in evaluation.orientation_summary if row.sensor == sensor]
+    for part in PARTS:
+        path = f"errors/{sensor}/{part}"
+        columns = {key: f"{key}_{part}_rad" for key in filters}
+        lines = {key: series[column] for key, column in columns.items() if column in series}
+        time, begin = series.get("host_time_ns"), _first(series)
+        _log_lines(recording, path, time, lines, colours, begin, visible(filters))
+        signed = part == "heading"
+        own = [row for row in rows if (row.part, row.motion) == (part, "all")]
+        limits = [
+            row.expanded_uncertainty_deg if signed else row.expanded_uncertainty_magnitude_deg
+            for row in own
+        ]
+        _log_uncertainty(recording, path, time, limits, begin, signed)
+
+
+def _log_flexion(
+    recording: rr.RecordingStream,
+    evaluation: Evaluation,
+    colours: Mapping[str, str],
+    joint: str,
+    sequence: str,
+) -> None:
+    """True and estimated flexion by one definition, and its error with the uncertainty of the
+    truth.
+    """
+    series = evaluation.series.get(joint_table(joint), {})
+    filters, time = by_flexion(evaluation, joint, sequence), series.get("host_time_ns")
+    for kind in ("flexion", "error"):
+        known = kind == "flexion" and "reference_rad" in series
+        lines = {"true": series["reference_rad"]} if known else {}
+        columns = {key: f"{key}_{sequence}_{kind}_rad" for key in filters}
+        lines |= {key: series[column] for key, column in columns.items() if column in series}
+        path = f"joints/{joint}/{sequence}/{kind}"
+        begin = _first(series) if kind == "error" else 0
+        _log_lines(recording, path, time, lines, colours, begin, {"true"} | visible(filters))
+    limits = [
+        row.expanded_uncertainty_deg
+        for row in evaluation.joint_summary
+        if (row.joint, row.sequence) == (joint, sequence)
+    ]
+    path = f"joints/{joint}/{sequence}/error"
+    _log_uncertainty(recording, path, time, limits, _first(series), signed=True)
+
+
+def _log_uncertainty(
+    recording: rr.RecordingStream,
+    path: str,
+    time_ns: np.ndarray | None,
+    limits: Sequence[float | None],
+    begin: int,
+    signed: bool,
+) -> None:
+    """How far the truth may be off on the mean (95 %), as lines of a plot of errors.
+
+    Args:
+        recording: To write to.
+        path: Of the plot.
+        time_ns: Of the plot, shape (n,) [ns].
+        limits: Of each row of the table [deg]; the largest is drawn.
+        begin: The first row of the plot.
+        signed: Whether errors are.
+    """
+    known = [limit for limit in limits if limit is not None and np.isfinite(limit)]
+    if not known or time_ns is None or len(time_ns) <= begin:
+        return
+    largest = max(known)
+    sides = {"U (95 %)": largest} | ({"-U": -largest} if signed else {})
+    own = f"{path}_uncertainty"
+    style_lines(recording, own, list(sides), dict.fromkeys(sides, REFERENCE))
+    ends = np.array([time_ns[begin], time_ns[-1]])
+    send_rows(recording, own, ends, np.tile(list(sides.values()), (2, 1)))
 
 
 def unjudged_joints(
@@ -204,51 +259,70 @@ def log_steps(
     states.
     """
     findings = told(session, evaluation)
-    times = [0] * len(findings)
-    texts = [str(found) for found in findings]
-    levels = ["WARN" if found.severity is Severity.WARNING else "INFO" for found in findings]
-    for event in session.events:
-        text = _sentence(event.event, event.details)
-        if text:
-            times.append(event.host_time_ns)
-            texts.append(text)
-            levels.append(
-                {"run_error": "ERROR", "run_aborted": "ERROR", "run_interrupted": "WARN"}.get(
-                    event.event, "INFO"
-                )
-            )
-    if times:
-        send(recording, "events", np.array(times), rr.TextLog.columns(text=texts, level=levels))
+    if findings:
+        texts = [str(found) for found in findings]
+        levels = ["WARN" if found.severity is Severity.WARNING else "INFO" for found in findings]
+        lines = rr.TextLog.columns(text=texts, level=levels)
+        send(recording, "events", np.zeros(len(texts), dtype=np.int64), lines)
+    send_events(recording, session.events)
     steps = session.steps
-    if not steps:
-        return
+    if steps:
+        name_sections(recording, [step.section for step in steps])
+        send_steps(recording, steps)
+
+
+def send_events(recording: rr.RecordingStream, events: Sequence[Event]) -> None:
+    """A line of text for each event that says something."""
+    told = [(event, text) for event in events if (text := _sentence(event.event, event.details))]
+    if told:
+        times = np.array([event.host_time_ns for event, _ in told])
+        levels = [LEVELS.get(event.event, "INFO") for event, _ in told]
+        lines = rr.TextLog.columns(text=[text for _, text in told], level=levels)
+        send(recording, "events", times, lines)
+
+
+def name_sections(recording: rr.RecordingStream, sections: Iterable[str]) -> None:
+    """The colours of a protocol's sections and phases, before `send_steps`."""
+    names = dict.fromkeys(sections)
+    colours = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
+    name_states(recording, "state/section", colours)
+    name_states(recording, "state/phase", PHASES)
+
+
+def send_steps(recording: rr.RecordingStream, steps: Sequence[PlannedStep]) -> None:
+    """The sections and phases of steps, with the times at which they happened."""
+    sections = [None, *(step.section for step in steps)]
     starts = [
-        step for i, step in enumerate(steps) if i == 0 or step.section != steps[i - 1].section
+        (step.start_ns, step.section)
+        for last, step in zip(sections, steps, strict=False)
+        if step.section != last
     ]
-    changes = rr.StateChange.columns(state=[step.section for step in starts])
-    sections = list(dict.fromkeys(step.section for step in starts))
-    _name_states(
-        recording,
-        "state/section",
-        {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(sections)},
-    )
-    send(recording, "state/section", np.array([step.start_ns for step in starts]), changes)
+    send_states(recording, "section", starts)
     phases: list[tuple[int, str]] = []
     for step in steps:
         if step.settled_ns > step.start_ns:
-            phases.append((step.start_ns, "sweep" if step.kind == "sweep" else "move"))
+            phases.append((step.start_ns, moving_phase(step.kind)))
         if step.end_ns > step.settled_ns:
             phases.append((step.settled_ns, "dwell"))
-    _name_states(recording, "state/phase", PHASES)
-    send(
-        recording,
-        "state/phase",
-        np.array([t for t, _ in phases]),
-        rr.StateChange.columns(state=[name for _, name in phases]),
-    )
+    send_states(recording, "phase", phases)
 
 
-def _name_states(recording: rr.RecordingStream, path: str, colours: dict[str, str]) -> None:
+def moving_phase(kind: str) -> str:
+    """What the first part of a step of a kind is called."""
+    return "sweep" if kind == "sweep" else "move"
+
+
+def send_states(
+    recording: rr.RecordingStream, which: str, states: Sequence[tuple[int, str]]
+) -> None:
+    """From when on [ns] "section" or "phase" was what."""
+    if states:
+        changes = rr.StateChange.columns(state=[name for _, name in states])
+        send(recording, f"state/{which}", np.array([t for t, _ in states]), changes)
+
+
+def name_states(recording: rr.RecordingStream, path: str, colours: Mapping[str, str]) -> None:
+    """The words of a lane of states, and their colours."""
     names = list(colours)
     style = rr.StateConfiguration(
         values=names, labels=names, colors=[(*rgb(colour), 255) for colour in colours.values()]
@@ -265,16 +339,51 @@ def _sentence(event: str, details: dict[str, object]) -> str:
     return event.replace("_", " ") + (f": {rest}" if rest else "")
 
 
+def style_vector(recording: rr.RecordingStream, path: str) -> None:
+    """Three lines of one plot: the axes of a sensor."""
+    lines = rr.SeriesLines(names=["x", "y", "z"], colors=AXIS_COLOURS, widths=[1.2] * 3)
+    recording.log(path, lines, static=True)
+
+
+def send_rows(
+    recording: rr.RecordingStream, path: str, time_ns: np.ndarray, values: np.ndarray
+) -> None:
+    """Points of the lines of one plot.
+
+    Args:
+        recording: To write to.
+        path: Of the plot.
+        time_ns: Host times, shape (n,) [ns].
+        values: One column a line, shape (n, k).
+    """
+    columns = rr.Scalars.columns(scalars=values.ravel()).partition(
+        np.full(len(values), values.shape[1])
+    )
+    send(recording, path, time_ns, columns)
+
+
 def _log_vector(
     recording: rr.RecordingStream, path: str, time_ns: np.ndarray, values: np.ndarray
 ) -> None:
-    recording.log(
-        path,
-        rr.SeriesLines(names=["x", "y", "z"], colors=AXIS_COLOURS, widths=[1.2] * 3),
-        static=True,
+    style_vector(recording, path)
+    send_rows(recording, path, *extremes(time_ns, values))
+
+
+def style_lines(
+    recording: rr.RecordingStream,
+    path: str,
+    names: Sequence[str],
+    colours: Mapping[str, str],
+    shown: Collection[str] | None = None,
+) -> None:
+    """The lines of one plot, by name; those not `shown` come with a click on the legend."""
+    style = rr.SeriesLines(
+        names=list(names),
+        colors=[rgb(colours[name]) for name in names],
+        widths=[1.4] * len(names),
+        visible_series=[shown is None or name in shown for name in names],
     )
-    columns = rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), 3))
-    send(recording, path, time_ns, columns)
+    recording.log(path, style, static=True)
 
 
 def _log_lines(
@@ -282,8 +391,9 @@ def _log_lines(
     path: str,
     time_ns: np.ndarray | None,
     lines: dict[str, np.ndarray],
-    colours: dict[str, str],
+    colours: Mapping[str, str],
     begin: int,
+    shown: Collection[str] | None = None,
 ) -> None:
     """Angles [rad] as lines of one plot [deg].
 
@@ -293,13 +403,5 @@ def _log_lines(
         return
     chosen = slice(begin, None, every(time_ns, ERROR_RATE).step)
     values = np.degrees(np.column_stack([line[chosen] for line in lines.values()]))
-    style = rr.SeriesLines(
-        names=list(lines), colors=[rgb(colours[name]) for name in lines], widths=[1.4] * len(lines)
-    )
-    recording.log(path, style, static=True)
-    send(
-        recording,
-        path,
-        time_ns[chosen],
-        rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), len(lines))),
-    )
+    style_lines(recording, path, list(lines), colours, shown)
+    send_rows(recording, path, *extremes(time_ns[chosen], values))

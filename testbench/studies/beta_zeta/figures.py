@@ -28,17 +28,18 @@ NUMBERS = {
 """The source's figures of quaternions and of Euler angles, by sensor and motion."""
 
 
-def figures(takes: Sequence[Take]) -> tuple[StudyCurves, ...]:
+def figures(takes: Sequence[Take], how: str) -> tuple[StudyCurves, ...]:
     """Quaternions, Euler angles and differences of each take; gains and jumps of the first.
 
     Args:
         takes: Of the first part.
+        how: To read those over time.
     """
     drawn: list[StudyCurves] = []
     usable = [take for take in takes if take.samples.has("mag")]
     for take in usable:
-        drawn += [quaternions(take), quaternion_differences(take)]
-        drawn += [euler_angles(take), euler_differences(take)]
+        drawn += [quaternions(take, how), quaternion_differences(take, how)]
+        drawn += [euler_angles(take, how), euler_differences(take, how)]
     if usable:
         drawn += [by_gains(usable[0]), jumps(usable[0])]
     return tuple(curves for curves in drawn if curves.curves)
@@ -51,7 +52,7 @@ def boxes(takes: Sequence[Take]) -> list[StudyBoxes]:
         takes: With a truth.
     """
     kinds = {
-        "thesis's gains": get_filter(UPSTREAM, GAINS),
+        "beta 0.35 and zeta 0.07": get_filter(UPSTREAM, GAINS),
         "beta 0.041": get_filter(MARG),
         "adaptive beta": get_filter(ADAPTIVE, {"beta": 0.1}),
     }
@@ -84,11 +85,12 @@ def _ours() -> OrientationFilter:
     return get_filter(UPSTREAM, GAINS)
 
 
-def quaternions(take: Take) -> StudyCurves:
+def quaternions(take: Take, how: str) -> StudyCurves:
     """Components of the quaternion by Madgwick's filter and by the device.
 
     Args:
         take: Which.
+        how: To read it.
     """
     rows, curves = _rows(take), []
     q, device = take.run(_ours()), take.device
@@ -104,14 +106,15 @@ def quaternions(take: Take) -> StudyCurves:
                 )
             )
     caption = _named(take, "Quaternions", 0)
-    return StudyCurves(caption, "time [s]", "component [1]", tuple(curves), words.CURVES_HOW)
+    return StudyCurves(caption, "time [s]", "component [1]", tuple(curves), how)
 
 
-def quaternion_differences(take: Take) -> StudyCurves:
+def quaternion_differences(take: Take, how: str) -> StudyCurves:
     """Differences of these components over time; no curve without a device.
 
     Args:
         take: Which.
+        how: To read it.
     """
     rows, device, curves = _rows(take), take.device, []
     if np.isfinite(device).any():
@@ -121,7 +124,7 @@ def quaternion_differences(take: Take) -> StudyCurves:
             for i, name in enumerate("wxyz")
         ]
     caption = _named(take, "Difference of the quaternions", 0)
-    return StudyCurves(caption, "time [s]", "difference [1]", tuple(curves), words.CURVES_HOW)
+    return StudyCurves(caption, "time [s]", "difference [1]", tuple(curves), how)
 
 
 def _degrees(q: np.ndarray) -> np.ndarray:
@@ -134,11 +137,12 @@ def _degrees(q: np.ndarray) -> np.ndarray:
     return angles
 
 
-def euler_angles(take: Take) -> StudyCurves:
+def euler_angles(take: Take, how: str) -> StudyCurves:
     """Roll, pitch and yaw of the sensor, without jumps.
 
     Args:
         take: Which.
+        how: To read it.
     """
     rows, curves = _rows(take), []
     ours, device = _degrees(take.run(_ours())), _degrees(take.device)
@@ -154,14 +158,15 @@ def euler_angles(take: Take) -> StudyCurves:
                 )
             )
     caption = _named(take, "Euler angles", 1)
-    return StudyCurves(caption, "time [s]", "angle [deg]", tuple(curves), words.CURVES_HOW)
+    return StudyCurves(caption, "time [s]", "angle [deg]", tuple(curves), how)
 
 
-def euler_differences(take: Take) -> StudyCurves:
+def euler_differences(take: Take, how: str) -> StudyCurves:
     """Differences of these angles, within half a turn; no curve without a device.
 
     Args:
         take: Which.
+        how: To read it.
     """
     rows, device, curves = _rows(take), _degrees(take.device), []
     if np.isfinite(device).any():
@@ -171,7 +176,7 @@ def euler_differences(take: Take) -> StudyCurves:
             for i, name in enumerate(ANGLES)
         ]
     caption = _named(take, "Difference of the Euler angles", 1)
-    return StudyCurves(caption, "time [s]", "difference [deg]", tuple(curves), words.CURVES_HOW)
+    return StudyCurves(caption, "time [s]", "difference [deg]", tuple(curves), how)
 
 
 def by_gains(take: Take) -> StudyCurves:

@@ -52,8 +52,8 @@ SWEEPS = {
 }
 """The grids of the source, beta and zeta; it does not give their steps."""
 JUDGED = {
-    "thesis's gains, upstream code": (UPSTREAM, THESIS_GAINS),
-    "thesis's gains, text": (TEXT, THESIS_GAINS),
+    "beta 0.35 and zeta 0.07, upstream code": (UPSTREAM, THESIS_GAINS),
+    "beta 0.35 and zeta 0.07, text": (TEXT, THESIS_GAINS),
     "Madgwick's default, beta 0.041": (MARG, {}),
     "beta 0.1": (MARG, {"beta": 0.1}),
     "adaptive beta, 0.1": (ADAPTIVE, {"beta": 0.1}),
@@ -62,7 +62,8 @@ JUDGED = {
 }
 TIMES = 9
 """A run over a take is timed so often; the median counts."""
-RANDOM_STEPS = 10_000
+RANDOM_STEPS, MOST_STATES = 10_000, 2000
+"""Random states, and those of a take, from which one step is made."""
 MADE_FOR_HOURS = ("vqf_offline",)
 """Filters that are not timed a sample at a time."""
 
@@ -103,7 +104,10 @@ def run(bench: StudyBench) -> StudyRecord:
         tuple(tables.values()),
         tuple(boxes(judged)),
         software_versions(),
-        figures([take for take in takes if take.part == 0]),
+        figures(
+            [take for take in takes if take.part == 0],
+            words.CURVES_HOW if bench.session is None else words.OWN_CURVES_HOW,
+        ),
     )
 
 
@@ -208,7 +212,7 @@ def _stepwise(take: Take, name: str, beta: float, zeta: float) -> tuple[float, f
     """
     kind = get_filter(name, {"beta": beta, "zeta": zeta})
     assert isinstance(kind, RecursiveFilter)
-    samples = take.samples
+    samples = take.samples.piece(slice(0, MOST_STATES))
     _, state = kind.advance(samples.piece(slice(0, 1)))
     largest, together = 0.0, []
     for i in range(1, len(samples)):
@@ -378,6 +382,7 @@ def errors_table(takes: Sequence[Take]) -> StudyTable:
         ("force [m/s²]", *(f"{label} [deg]" for label in chosen)),
         tuple(rows),
         words.ERRORS_HOW,
+        words.ERRORS,
         decimals=(2, *(2,) * len(chosen)),
         short="Errors",
         spread=words.OVER_PARTS,

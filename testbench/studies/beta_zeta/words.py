@@ -37,7 +37,6 @@ DIFFERENCE = (
     "simulated device is an error model that stays within a degree or two of the truth, so that "
     "this is nearly the filter's error."
 )
-UNKNOWN_TAKE = "of which sensor and take is not stated"
 NO_DEVICE = (
     "The sensors of this recording report no orientation: there is no device to compare with."
 )
@@ -47,6 +46,7 @@ ERRORS_HOW = (
     "without, mean over the parts. Each take begins anew. The force column is the RMS of how far "
     "the size of the specific force is from gravity's, of the sensor itself."
 )
+ERRORS = "Beta 0.35 and zeta 0.07 are the gains that the source found by noise."
 GAINS_HOW = (
     "How to read: gains by a grid and Nelder-Mead over all takes, and the mean error by them; "
     "then each motion by the gains that the other motions choose. All in degrees, mean over the "
@@ -99,7 +99,11 @@ CURVES_HOW = (
     "How to read: first part, the source's gains (0.35, 0.07) by the upstream code, and the "
     "device of the simulation, an error model."
 )
-QW_HOW = "How to read: first part, walking thigh; the source's figures 30 and 31 have such gains."
+OWN_CURVES_HOW = (
+    "How to read: beta 0.35 and zeta 0.07 by the upstream code, and the device's own orientation "
+    "where it reports one."
+)
+QW_HOW = "How to read: first take, zeta 0.07; the source's figures 30 and 31 have such gains."
 JUMPS_HOW = (
     "How to read: yaw as the conversion gives it, within half a turn, and without its jumps of a "
     "whole turn."

@@ -71,7 +71,8 @@ def constant_rates(spec: Spec, rng: np.random.Generator) -> None:
         spec: The protocol; is changed.
         rng: Not drawn from.
     """
-    wave = {"amplitude_deg": 40, "rate_deg_s": 110, "cycles": 30}
+    sweep = spec["sections"][1]["steps"][0]["sweep"]
+    wave = {"amplitude_deg": 40, "rate_deg_s": 110, "cycles": sweep["knee"]["sine"]["cycles"]}
     spec["sections"][1]["steps"][0]["sweep"] = {"knee": {"trapezoid": wave}}
 
 
@@ -83,7 +84,9 @@ def two_frequencies(spec: Spec, rng: np.random.Generator) -> None:
         rng: Not drawn from.
     """
     sweep = spec["sections"][1]["steps"][0]["sweep"]
-    sweep["knee"]["sine"] |= {"frequency_hz": 0.41, "cycles": 25}
+    knee, slower = sweep["knee"]["sine"], 0.41
+    cycles = round(knee["cycles"] * slower / knee["frequency_hz"])  # as long as the ankle's
+    knee |= {"frequency_hz": slower, "cycles": cycles}
 
 
 def half_leg(spec: Spec, rng: np.random.Generator) -> None:

@@ -161,8 +161,13 @@ def spread_ratio(each: Calibrated) -> float:
     return float(np.mean(after) / np.mean(before))
 
 
-def matrix_table(found: list[Calibrated]) -> StudyTable:
-    """The maps themselves, beside what is known of matrices (5.7) to (5.10)."""
+def matrix_table(found: list[Calibrated], published: PublishedTables) -> StudyTable:
+    """The maps themselves, beside what is known of matrices (5.7) to (5.10).
+
+    Args:
+        found: All calibrations of one part.
+        published: Has what the printed maps come to.
+    """
     rows = []
     for each in found:
         if each.settings != "published":
@@ -181,6 +186,11 @@ def matrix_table(found: list[Calibrated]) -> StudyTable:
             )
         )
     elements = [f"R {a}{b}" for a in AXES for b in AXES]
+    none = (None,) * len(elements)
+    for row in published.tables["maps"].rows:
+        rows.append(
+            StudyRow(f"map {row.label}", (*none, None, None, None), (*none, *row.values, None))
+        )
     return StudyTable(
         "matrices",
         "The maps R = A' pinv(B') of the calibrations above",
@@ -188,9 +198,8 @@ def matrix_table(found: list[Calibrated]) -> StudyTable:
         tuple(rows),
         "How to read: row by row; the distance is the Frobenius norm of what is left beside the "
         "nearest rotation. In 2D the third axis is left as it is.",
-        "The source prints its four maps as (5.7) to (5.10); computed from them, their "
-        "determinants are 1.002, 0.997, 1.008 and 1.019 and their distances 0.010, 0.004, 0.010 "
-        "and 0.024. Their elements are those of other parts, mounted otherwise.",
+        "The elements of the source's four maps are those of other parts, mounted otherwise; what "
+        "can be compared is how far each is from a rotation.",
         decimals=(4,) * 9 + (4, 4, 4),
         short="Maps",
     )

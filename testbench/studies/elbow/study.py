@@ -161,7 +161,7 @@ def compare(runs: Runs) -> StudyResult:
         runs.each(REST, lambda result: noise_table(result.evaluation, static)),
         runs.each(REST, lambda result: rest_table(result.session, result.evaluation, static)),
         over_parts([calibration_table(each, published) for each in found]),
-        matrix_table(found[0]),
+        matrix_table(found[0], static),
         example_table(static),
         runs.each(TURNS, lambda result: orthogonality_table(result.session, static)),
         flexion,

@@ -167,7 +167,8 @@ def magnitude_table(part: Part, published: PublishedTables) -> StudyTable:
         ):
             theirs = (*published_box(beside), beside.values[6])
             error = float(np.mean((values - part.gravity) ** 2))
-            rows.append(StudyRow(name, (*box_values(BoxNumbers.of(values), 4), error), theirs))
+            ours = (*box_values(BoxNumbers.of(values), 4), error)
+            rows.append(StudyRow(name, ours, theirs, other=_other_samples(label, name)))
     noise = 1000 * float(np.mean([rest.std(axis=0, ddof=1).mean() for rest in part.held_out_rests]))
     return StudyTable(
         "4.1",

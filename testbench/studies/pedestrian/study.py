@@ -15,7 +15,6 @@ import numpy as np
 from testbench.estimation.filters import get_filter
 from testbench.estimation.gait import PUBLISHED, PedestrianParameters, Walk, walk
 from testbench.estimation.gait.readings import fits_in_memory, readings_of
-from testbench.estimation.gait.settings import DEFAULT_FILTER
 from testbench.estimation.gait.wearing import FOUND, levelled, mounting_matrix
 from testbench.estimation.signals.recording import SensorRecording
 from testbench.exceptions import InputError
@@ -47,6 +46,7 @@ from testbench.studies.pedestrian.walking import (
     published_alone,
     sentences,
     tuned_table,
+    variants_table,
 )
 from testbench.studies.pedestrian.walks import Walks, all_walks
 from testbench.studies.result import StudyResult
@@ -72,6 +72,7 @@ AREA = (
     "enclose, pi A_pitch A_roll a cycle, whatever the frequency; without roll there is none."
 )
 
+OF_A_WALK = "of a walk, whose length, speed and roll are not stated"
 PROTOCOL = "shank_swing"
 QUESTION = (
     "How far do two Euler filters drift in yaw on a walker, and what of cycles, distance and path "
@@ -142,6 +143,7 @@ def walking_tables(found: Walks, printed: dict[str, PublishedTable]) -> list[Stu
     counted = ("real", "algorithm", "counter on board")
     return [
         drift_of_walks(found, printed["yaw drift"]),
+        variants_table(found),
         published_alone("8", printed["8"], counted),
         published_alone("9", printed["9"], counted),
         corridor_table(found, printed["10"]),
@@ -153,19 +155,19 @@ def walking_tables(found: Walks, printed: dict[str, PublishedTable]) -> list[Stu
 
 def _of_recording(bench: StudyBench, started: str) -> StudyRecord:
     """Cycles, distance and heading of every sensor of a recording that walked, by every filter."""
-    (result,) = bench.results(PROTOCOL, (DEFAULT_FILTER,))
-    session, rows, curves = result.session, [], []
+    bench.say(f"asking {bench.session}")
+    session, rows, curves = bench.recording(), [], []
     for name in session.sensor_names:
-        for kind in OF_RECORDINGS:
+        for kind, label in OF_RECORDINGS.items():
             walked = reckoned_walk(session, name, kind)
             if walked is None:
                 continue
             end = float(np.linalg.norm(walked.end))
             turned = float(np.degrees(walked.headings[-1] - walked.headings[0]))
             cells = (float(len(walked.cycles)), walked.distance, end, turned)
-            rows.append(StudyRow(f"{name}, {kind}", cells))
+            rows.append(StudyRow(f"{name}, {label}", cells))
             path = walked.positions
-            curves.append(StudyCurve(f"{name}, {kind}", path[:, 0], path[:, 1], "measurement"))
+            curves.append(StudyCurve(f"{name}, {label}", path[:, 0], path[:, 1], "measurement"))
     missing = [] if rows else ["a sensor with rates and forces that swings as a limb does"]
     bench.refuse_without("the walk", missing)
     table = StudyTable(
@@ -197,17 +199,22 @@ def _of_recording(bench: StudyBench, started: str) -> StudyRecord:
     )
 
 
-OF_RECORDINGS = (
-    "euler_ekf_simple_as_printed",
-    "euler_ekf_as_printed",
-    "euler_ekf_listing",
-    "euler_ekf",
-)
-"""The source's filters by either print, and the corrected one."""
+OF_RECORDINGS = {
+    "euler_ekf_simple_as_printed": "simple prediction (text)",
+    "euler_ekf_as_printed": "improved prediction (text)",
+    "euler_ekf_listing": "improved prediction (program)",
+    "euler_ekf": "improved prediction, corrected",
+    "vqf_6d": "vqf_6d",
+}
+"""The source's filters by either print, the corrected one, and one beside them, with their
+names.
+"""
 
 
 def reckoned_walk(session: Session, name: str, kind: str) -> Walk | None:
-    """The walk of one sensor of a recording by one filter; None where it has no cycle.
+    """The walk of one sensor of a recording by one filter.
+
+    None where it has no cycle, or its rates are those of the device's own orientation.
 
     Args:
         session: The recording.
@@ -218,7 +225,7 @@ def reckoned_walk(session: Session, name: str, kind: str) -> Walk | None:
     if not fits_in_memory(recording):
         return None
     readings = readings_of(recording)
-    if not np.isfinite(readings.acc).any() or not readings.uniform.gyr.any():
+    if readings.derived or not np.isfinite(readings.acc).any() or not readings.uniform.gyr.any():
         return None
     R, _ = mounting_matrix(FOUND, readings.rate, readings.acc, name)
     level = levelled(replace(readings.uniform, gyr=readings.rate), R)
@@ -466,6 +473,7 @@ def drift_table(results: list[SwingResult]) -> StudyTable:
                 f"{r.step.name}, {r.filter}",
                 values,
                 (beside, None, None) if beside is not None else (),
+                other=OF_A_WALK if beside is not None else "",
             )
         )
     return StudyTable(
@@ -480,7 +488,6 @@ def drift_table(results: list[SwingResult]) -> StudyTable:
         "that pitch and roll enclose, cycle by cycle; ours is chosen by the protocol. The improved "
         "one has no such term.",
         decimals=(2, 3, 2),
-        ratio_column=0,
         short="Yaw drift",
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import repeat
 from multiprocessing import get_context
 from os import cpu_count
 
@@ -13,6 +14,7 @@ import numpy as np
 from testbench.estimation.filters import UniformSamples, get_filter
 from testbench.estimation.gait import PUBLISHED, PedestrianParameters
 from testbench.estimation.gait.walk import walk
+from testbench.evaluation.metrics import orientation_errors
 from testbench.frames import NANOSECONDS
 from testbench.model.heading import heading_drift
 from testbench.model.rigid_motion import RigidMotion
@@ -20,7 +22,13 @@ from testbench.pipeline.simulate import felt
 from testbench.records.results.study import Print
 from testbench.records.specs.sensor import load_preset
 from testbench.studies.bench import StudyBench
-from testbench.studies.pedestrian.walker import REST_BEFORE_S, Walked, Walker, walk_a_path
+from testbench.studies.pedestrian.walker import (
+    REST_AFTER_S,
+    REST_BEFORE_S,
+    Walked,
+    Walker,
+    walk_a_path,
+)
 
 CORRIDOR, LOOP = 14, 109
 """Gait cycles of the source's straight corridor (table 10) and of its loop (tables 11 to 14)."""
@@ -50,6 +58,35 @@ DEVICE, LISTING, TEXT, SIMPLE = (
 )
 CORRECTED, OURS = "euler_ekf", "vqf_6d"
 FILTERS = (LISTING, TEXT, SIMPLE, CORRECTED, OURS)
+FORCES_RAD = 0.05
+"""Standard deviation of roll and pitch by a force of gravity's size while a leg swings: half a
+metre per second squared across it.
+"""
+TEXT_GATE, LISTING_GATE = {"acc_gate_m_s2": 1.0}, {"acc_gate_m_s2": 0.1}
+VARIANTS: dict[str, tuple[str, dict[str, float], bool]] = {
+    "corrected": (CORRECTED, {}, True),
+    "corrected, zero not taken off": (CORRECTED, {}, False),
+    "corrected, forces exact to 0.05 rad": (
+        CORRECTED,
+        {"roll_sd_rad": FORCES_RAD, "pitch_sd_rad": FORCES_RAD},
+        True,
+    ),
+    "corrected, a hundredth of the process noise": (
+        CORRECTED,
+        {"process_rad_sqrts": 1.56e-5},
+        True,
+    ),
+    "corrected, no force after the start": (CORRECTED, {"acc_gate_m_s2": 1e-9}, True),
+    "program": (LISTING, SETTINGS["ngimu"], False),
+    "program, zero taken off": (LISTING, SETTINGS["ngimu"], True),
+    "program, gate of the text": (LISTING, SETTINGS["ngimu"] | TEXT_GATE, False),
+    "text": (TEXT, SETTINGS["ngimu"], False),
+    "text, gate of the program": (TEXT, SETTINGS["ngimu"] | LISTING_GATE, False),
+    OURS: (OURS, {}, True),
+}
+"""The prints of the filter with one thing changed, on a shank: filter, settings, and whether the
+gyroscope's zero is taken off.
+"""
 PRINTS: dict[str, Print] = {LISTING: "listing", TEXT: "text", SIMPLE: "text"}
 PARAMETERS = {"shank": "shin", "wrist": "wrist", "chest": "chest"}
 """Names of the places in table 11."""
@@ -70,11 +107,32 @@ PROPERTIES: dict[str, list[tuple[str, Walker]]] = {
     ],
     "hand in pocket": [("10 %", Walker(pocket=0.1)), ("30 %", Walker(pocket=0.3))],
     "swing of the chest": [
+        ("2.5 deg", Walker(chest_deg=2.5)),
         ("3 deg", Walker(chest_deg=3)),
         ("6 deg", Walker(chest_deg=6)),
     ],
 }
 """What decides the figures, and the values that are tried beside those of `Walker`."""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much is walked by a part.
+
+    Attributes:
+        loop: Gait cycles of the loop.
+        repetitions: Of the corridor.
+        runs: Of the loop, beside the one that parameters are tuned on.
+    """
+
+    loop: int = LOOP
+    repetitions: int = REPETITIONS_A_PART
+    runs: int = RUNS
+
+
+AS_PUBLISHED = Extent()
+STRAIGHT = ("corridor", "speeds", "variants")
+"""Kinds of walks without turns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +151,7 @@ class Reckoned:
         swings: Of each cycle that was found, shape (k,) [deg].
         headings: During each, shape (k,) [rad].
         drift_deg: Of the heading from the rest before to the rest after [deg].
+        tilt_deg: RMS error of the inclination in between, of one of `VARIANTS` [deg].
     """
 
     kind: str
@@ -106,6 +165,7 @@ class Reckoned:
     swings: np.ndarray
     headings: np.ndarray
     drift_deg: float
+    tilt_deg: float | None = None
 
     @property
     def cycle_error(self) -> int:
@@ -163,36 +223,39 @@ class Walks:
         ]
 
 
-def all_walks(bench: StudyBench) -> Walks:
+def all_walks(bench: StudyBench, extent: Extent = AS_PUBLISHED) -> Walks:
     """Walk with every part, side by side in processes.
 
     Args:
         bench: Whose seeds are the parts.
+        extent: How much each walks.
     """
     found = Walks()
     processes = min(bench.parts, cpu_count() or 1)
     with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
-        for i, own in enumerate(pool.map(walks_of_part, bench.seeds)):
+        for i, own in enumerate(pool.map(walks_of_part, bench.seeds, repeat(extent))):
             bench.say(f"walks of part {i + 1} of {bench.parts}")
             found.reckoned += own.reckoned
             found.loop = own.loop if i == 0 else found.loop
     return found
 
 
-def walks_of_part(part: int) -> Walks:
+def walks_of_part(part: int, extent: Extent = AS_PUBLISHED) -> Walks:
     """The corridor, the loop, and the loop with other properties of the walker.
 
     Args:
         part: Seed of the sensors and the walker.
+        extent: How much it walks.
     """
-    found, usual = Walks(), Walker()
-    for k in range(REPETITIONS_A_PART):
+    found, usual, loop = Walks(), Walker(), extent.loop
+    for k in range(extent.repetitions):
         walked = walk_a_path(usual, CORRIDOR, [], part, "corridor", str(k))
         for device in DEVICES.values():
             found.reckoned += reckon(walked, "corridor", "shank", device, part)
         found.reckoned += reckon(walked, "corridor", "thigh", "ngimu", part)
-    for k in range(RUNS + 1):
-        walked = walk_a_path(usual, LOOP, LOOP_TURNS, part, "loop", str(k))
+        found.reckoned += with_one_thing_changed(walked, part)
+    for k in range(extent.runs + 1):
+        walked = walk_a_path(usual, loop, LOOP_TURNS, part, "loop", str(k))
         kind = "loop" if k else "tuning"
         found.loop = walked.path if k == 1 else found.loop
         for place in PARAMETERS:
@@ -200,7 +263,7 @@ def walks_of_part(part: int) -> Walks:
                 found.reckoned += reckon(walked, kind, place, device, part)
     for name, levels in PROPERTIES.items():
         for level, walker in levels:
-            walked = walk_a_path(walker, LOOP, LOOP_TURNS, part, "loop", "1")
+            walked = walk_a_path(walker, loop, LOOP_TURNS, part, "loop", "1")
             for place in PARAMETERS:
                 kind = f"{name}: {level}"
                 found.reckoned += reckon(walked, kind, place, "ngimu", part, (LISTING,))
@@ -208,7 +271,7 @@ def walks_of_part(part: int) -> Walks:
         root = float(np.sqrt(fast))
         stride_m, stride_s = usual.stride_m * root, usual.stride_s / root
         walker = replace(usual, stride_m=stride_m, stride_s=stride_s, size=root, speed=0.0)
-        walked = walk_a_path(walker, LOOP, [], part, "speeds", str(fast))
+        walked = walk_a_path(walker, loop, [], part, "speeds", str(fast))
         found.reckoned += reckon(walked, "speeds", "shank", "ngimu", part, (LISTING,))
     return found
 
@@ -244,6 +307,29 @@ def reckon(
     ]
 
 
+def with_one_thing_changed(walked: Walked, part: int) -> list[Reckoned]:
+    """One walk by every one of `VARIANTS`, of an NGIMU on the shank.
+
+    Args:
+        walked: The walk.
+        part: Seed of the sensor.
+    """
+    body, found = walked.bodies["shank"], []
+    samples, time_ns = readings(body, "ngimu_shank", "ngimu", part)
+    walking = (time_ns > REST_BEFORE_S * NANOSECONDS) & (
+        time_ns < (body.duration - REST_AFTER_S) * NANOSECONDS
+    )
+    true = body.at(time_ns[walking]).q_world_from_frame
+    for label, (name, settings, rested) in VARIANTS.items():
+        own = without_zero(samples, time_ns) if rested else samples
+        q = get_filter(name, settings).run(own)
+        key = ("variants", "shank", "ngimu", label, part)
+        tilt = orientation_errors(q[walking], true).inclination
+        one = _one(walked, key, time_ns, q, PUBLISHED["ngimu_shin"])
+        found.append(replace(one, tilt_deg=float(np.degrees(np.sqrt(np.mean(tilt**2))))))
+    return found
+
+
 def _one(
     walked: Walked,
     key: tuple[str, str, str, str, int],
@@ -254,7 +340,7 @@ def _one(
     found = walk(time_ns, q, parameters)
     # the walker's heading in the rests, which turns by the path
     turned = float(np.degrees(heading_drift(time_ns, q, None, 0.02).drift))
-    true = LOOP_TURNS if key[0] not in ("corridor", "speeds") else []
+    true = LOOP_TURNS if key[0] not in STRAIGHT else []
     drift = (turned - sum(true) + 180) % 360 - 180 if true else turned
     return Reckoned(
         *key,
@@ -296,8 +382,17 @@ def _orientations(
     Ours take the gyroscope's zero from the rest before the walk; the source's has no bias.
     """
     if name in (CORRECTED, OURS):
-        rest = time_ns < (REST_BEFORE_S - 1) * NANOSECONDS
-        samples = replace(samples, gyr=samples.gyr - samples.gyr[rest].mean(axis=0))
-        return get_filter(name).run(samples)
+        return get_filter(name).run(without_zero(samples, time_ns))
     settings = SETTINGS.get(device, SETTINGS["bno055"])
     return get_filter(name, settings).run(samples)
+
+
+def without_zero(samples: UniformSamples, time_ns: np.ndarray) -> UniformSamples:
+    """Readings without the gyroscope's zero, by the rest before a walk.
+
+    Args:
+        samples: As read.
+        time_ns: When, shape (n,) [ns].
+    """
+    rest = time_ns < (REST_BEFORE_S - 1) * NANOSECONDS
+    return replace(samples, gyr=samples.gyr - samples.gyr[rest].mean(axis=0))

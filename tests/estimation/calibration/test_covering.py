@@ -10,8 +10,8 @@ from tests.estimation.calibration.covering import TRIALS, as_often_as_stated, ch
 
 pytestmark = pytest.mark.slow
 
-COUNT = 400
-FEWER = {"gyroscope": 60, "norm_only": 120, "ellipsoid": 120, "ellipsoid_dip": 120}
+COUNT = 200
+FEWER = {"gyroscope": 30, "norm_only": 60, "ellipsoid": 60, "ellipsoid_dip": 60}
 """Of what takes milliseconds, by a word of the name."""
 
 

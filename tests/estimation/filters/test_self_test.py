@@ -187,11 +187,11 @@ MISTAKES += [
     ),
 ]
 STANDS_FOR = {
-    "imu": ("madgwick_imu", "vqf_6d", "mekf_imu"),
-    "marg": ("mahony_marg", "vqf_9d", "ekf"),
+    "imu": ("madgwick_imu", "vqf_6d"),
+    "marg": ("mahony_marg", "ekf"),
     "tilt": ("tilt",),
     "ecompass": ("ecompass",),
-    "free": ("gyro", "complementary", "mahony_imu", "madgwick_imu"),
+    "free": ("gyro", "complementary"),
 }
 
 

@@ -30,8 +30,8 @@ TEMPLATES = {
         WARNING,
         "its motion is too periodic: it fits the truth at several shifts, {shifts_s} s",
         "which of them holds cannot be told, so nothing of it is evaluated",
-        "state the right one with --truth-offset, say that both are on one clock with "
-        "`same_clock: true` beside the truth, or record a motion that does not repeat itself",
+        "state the right one with --truth-offset, say that both are on one clock with `same_clock: "
+        "true` beside the truth, or record a motion that does not repeat itself",
     ),
     "clock.still": Template(
         WARNING,
@@ -42,8 +42,8 @@ TEMPLATES = {
     ),
     "clock.late": Template(
         WARNING,
-        "the truth is said to share the clock of the samples, but its motion comes "
-        "{late_s:+.3f} s after theirs, in which it turns by {turn_deg:.1f} deg RMS",
+        "the truth is said to share the clock of the samples, but its motion comes {late_s:+.3f} s "
+        "after theirs, in which it turns by {turn_deg:.1f} deg RMS",
         "one of the two is delayed, and the errors of all filters hold that delay",
         "shift the truth, or leave out `same_clock: true` or `align_clock: false`, so that the "
         "motion aligns them",
@@ -166,6 +166,22 @@ TEMPLATES = {
         "motion does not tell which; nothing of it is evaluated",
         "say so in the mapping of the truth: `order: xyzw` or `direction: sensor_from_earth`",
     ),
+    "truth.joints_not_judged": Template(
+        WARNING,
+        "its angular rates fit the truth in {as_read_percent:.0f} % of their variance, and better "
+        "with {how}",
+        "the joint log was read otherwise than the arm moved, or the sensor sits on another link; "
+        "nothing of it is evaluated",
+        "import it again with the columns mended or the link named",
+    ),
+    "truth.not_the_links": Template(
+        WARNING,
+        "its angular rates fit those of {link} by the joint log in {as_read_percent:.0f} % of "
+        "their variance, and those of one that turns the other way about in {percent:.0f} %",
+        "angles of the log are in another order or of another sign than the arm's, or the sensor "
+        "sits on another link; nothing of it is evaluated",
+        "look which columns are which joints, and which link carries the sensor (--link)",
+    ),
     "truth.of_another": Template(
         WARNING,
         "its angular rates fit the truth of '{other}' ({percent:.0f} % of their variance) and not "
@@ -182,8 +198,8 @@ TEMPLATES = {
     ),
     "truth.stepped": Template(
         WARNING,
-        "the truth steps {steps} times by up to {angle_deg:.0f} deg, first at {at_s:.2f} s, which "
-        "the gyroscope does not see",
+        "the truth steps {steps} {steps:time|times} by up to {angle_deg:.0f} deg, first at "
+        "{at_s:.2f} s, which the gyroscope does not see",
         "the reference took one body for another or filled in what it did not see, or samples were "
         "lost or repeated, or a clock jumped; {lost_s:.1f} s of it that do not fit the rest were "
         "left out",
@@ -191,22 +207,23 @@ TEMPLATES = {
     "truth.ambiguous": Template(
         WARNING,
         "the sensor turns by up to {turn_deg:.0f} deg between neighbouring orientations of the "
-        "truth at {rate_hz:.0f} Hz, {times} times and first at {at_s:.2f} s",
+        "truth at {rate_hz:.0f} Hz, {times} {times:time|times} and first at {at_s:.2f} s",
         "from half a turn on nobody can tell which way it went: what lies between them is left out",
         "record the truth at a higher rate, or turn more slowly",
     ),
     "truth.parts": Template(
         WARNING,
-        "truth and gyroscope part slowly in {stretches} stretches, most from {begin_s:.1f} s to "
-        "{end_s:.1f} s by {angle_deg:.0f} deg, while they turn alike elsewhere",
+        "truth and gyroscope part slowly in {stretches} {stretches:stretch|stretches}, most from "
+        "{begin_s:.1f} s to {end_s:.1f} s by {angle_deg:.0f} deg, while they turn alike elsewhere",
         "a body slipped under its markers, the reference drifted, or the gyroscope was clipped or "
         "disturbed, and nobody knows which; {lost_s:.1f} s of it that do not fit the rest were "
         "left out",
     ),
     "truth.parts_throughout": Template(
         WARNING,
-        "truth and gyroscope part slowly in {stretches} stretches, most from {begin_s:.1f} s to "
-        "{end_s:.1f} s by {angle_deg:.0f} deg, and turn alike for less than 10 s anywhere",
+        "truth and gyroscope part slowly in {stretches} {stretches:stretch|stretches}, most from "
+        "{begin_s:.1f} s to {end_s:.1f} s by {angle_deg:.0f} deg, and turn alike for less than 10 "
+        "s anywhere",
         "the reference or the gyroscope drifts, and nobody knows which; none of {lost_s:.1f} s is "
         "evaluated",
     ),
@@ -219,8 +236,8 @@ TEMPLATES = {
     ),
     "truth.frozen": Template(
         WARNING,
-        "the truth stands still {stretches} times, for {lost_s:.1f} s in all and first at "
-        "{at_s:.2f} s, while the gyroscope turns",
+        "the truth stands still {stretches} {stretches:time|times}, for {lost_s:.1f} s in all and "
+        "first at {at_s:.2f} s, while the gyroscope turns",
         "it was lost there; these parts were left out",
     ),
 }

@@ -42,7 +42,9 @@ TEMPLATES = {
         "state the delay of both together: `gyr_delay_ms` of a sensor in a mapping",
     ),
     "judged.filter_left_out": Template(NOTE, "{filter} was left out: {why}"),
-    "judged.samples_left_out": Template(WARNING, "{count} samples left out: {reason}"),
+    "judged.samples_left_out": Template(
+        WARNING, "{count} {count:sample|samples} left out: {reason}"
+    ),
     "judged.after_gap": Template(
         WARNING,
         "{count} {count:sample|samples} left out: after a gap",
@@ -122,7 +124,9 @@ TEMPLATES = {
         "{filter}: the 95 % interval that is stated of its flexion holds {percent:.0f} % of its "
         "errors",
     ),
-    "judged.truth_jumps": Template(WARNING, "{count} orientations of the truth left out: jumps"),
+    "judged.truth_jumps": Template(
+        WARNING, "{count} {count:orientation|orientations} of the truth left out: jumps"
+    ),
     "judged.steps_left_out": Template(
         WARNING, "{lost} of {planned} {kind} not evaluated: {reasons}"
     ),

@@ -14,6 +14,7 @@ TEMPLATES = {
     ),
     "device.malformed": Template(WARNING, "{refused} lines or packets did not fit its format"),
     "device.dropped": Template(
-        WARNING, "{dropped} samples were dropped because this machine was too slow"
+        WARNING,
+        "{dropped} {dropped:sample was|samples were} dropped because this machine was too slow",
     ),
 }

@@ -7,22 +7,22 @@ from testbench.records.findings.templates.template import NOTE, WARNING, Templat
 TEMPLATES = {
     "samples.zeros": Template(
         WARNING,
-        "{count} samples read exactly 0 in every axis of {quantities}, the first at {first_s:.2f} "
-        "s",
+        "{count} {count:sample reads|samples read} exactly 0 in every axis of {quantities}, the "
+        "first at {first_s:.2f} s",
         "a dropout that was written as zeros; they count as lost",
         "`estimate: {{keep: [zeros]}}` if they are real",
     ),
     "samples.stuck": Template(
         WARNING,
-        "{count} samples repeat the one before in every axis of {quantities}, the first at "
-        "{first_s:.2f} s, for longer than its noise can",
+        "{count} {count:sample repeats|samples repeat} the one before in every axis of "
+        "{quantities}, the first at {first_s:.2f} s, for longer than its noise can",
         "the readings froze; they count as lost",
         "`estimate: {{keep: [stuck]}}` if they are real",
     ),
     "samples.stuck_axis": Template(
         WARNING,
-        "{count} samples repeat the one before in one axis of {quantities}, the first at "
-        "{first_s:.2f} s, for longer than its noise can, while others go on",
+        "{count} {count:sample repeats|samples repeat} the one before in one axis of {quantities}, "
+        "the first at {first_s:.2f} s, for longer than its noise can, while others go on",
         "that axis froze; they count as lost",
         "`estimate: {{keep: [stuck]}}` if they are real",
     ),
@@ -41,22 +41,31 @@ TEMPLATES = {
     ),
     "samples.clipped": Template(
         WARNING,
-        "{count} samples stand at the largest reading of {quantities}, several in a row, the first "
-        "at {first_s:.2f} s",
+        "{count} {count:sample stands|samples stand} at the largest reading of {quantities}, "
+        "several in a row, the first at {first_s:.2f} s",
         "the motion went beyond the sensor's range; they are not evaluated",
         "state its `full_scale`, or `estimate: {{keep: [clipped]}}` if they are real",
     ),
+    "samples.wrapped": Template(
+        WARNING,
+        "{count} {count:sample|samples} of {quantities} {count:stands|stand} at the other end of "
+        "the range, the first at {first_s:.2f} s, after a jump over nearly all of it, and back by "
+        "another",
+        "the counts ran over the end of their 16 bits and changed sign; they count as lost",
+        "set a larger range of the sensor, or read its registers with more bits; "
+        "`estimate: {{keep: [wrapped]}}` if they are real",
+    ),
     "samples.spike": Template(
         WARNING,
-        "{count} single samples of {quantities} stand far off their neighbours, the first at "
-        "{first_s:.2f} s",
+        "{count} single {count:sample|samples} of {quantities} {count:stands|stand} far off "
+        "{count:its|their} neighbours, the first at {first_s:.2f} s",
         "no sensor's bandwidth lets that pass; they count as lost",
         "`estimate: {{keep: [spike]}}` if they are real",
     ),
     "samples.straight": Template(
         WARNING,
-        "{count} samples of {quantities} lie on straight lines between others in every axis, the "
-        "first at {first_s:.2f} s, as noise does not",
+        "{count} {count:sample|samples} of {quantities} {count:lies|lie} on straight lines between "
+        "others in every axis, the first at {first_s:.2f} s, as noise does not",
         "lost samples that a logger or an exporter filled in; they count as lost",
         "`estimate: {{keep: [straight]}}` if they are real",
     ),
@@ -69,14 +78,14 @@ TEMPLATES = {
     ),
     "samples.beyond": Template(
         WARNING,
-        "{count} samples of {quantities} are beyond what any sensor reads, the first at "
-        "{first_s:.2f} s",
+        "{count} {count:sample|samples} of {quantities} {count:is|are} beyond what any sensor "
+        "reads, the first at {first_s:.2f} s",
         "they count as lost",
         "if all of it is too large, its unit is another one: `--unit`, or `unit` in the mapping",
     ),
     "samples.excluded": Template(
         NOTE,
-        "{count} samples from {first_s:.2f} s on are excluded: {reason}",
+        "{count} {count:sample|samples} from {first_s:.2f} s on {count:is|are} excluded: {reason}",
         "they count as lost, as was asked for",
     ),
     "samples.dead": Template(

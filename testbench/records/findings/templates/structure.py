@@ -37,6 +37,18 @@ TEMPLATES = {
         "{file}: lines without any number: {count} (the first is line {line}, '{text}')",
         "they are left out, and what should stand there is missing",
     ),
+    "structure.received": Template(
+        NOTE,
+        "the lines of {file} begin with the time at which a serial monitor received them",
+        "it is read as the column {column}: the computer's clock, on which samples come late and "
+        "in groups",
+        "--rate HZ spaces the samples evenly; a sketch that prints micros() has times of its own",
+    ),
+    "structure.labels": Template(
+        NOTE,
+        "the lines of {file} say what each number is: {labels}",
+        "these are taken for the titles of columns",
+    ),
     "structure.cut_short": Template(
         WARNING,
         "line {line} of {file}, its last, is cut short",
@@ -129,7 +141,8 @@ TEMPLATES = {
     "structure.files_unread": Template(NOTE, "left out, as the mapping reads none of: {files}"),
     "structure.stale_rows": Template(
         NOTE,
-        "{count} rows at the beginning are all zero, or left over from an earlier measurement",
+        "{count} {count:row|rows} at the beginning {count:is|are} all zero, or left over from an "
+        "earlier measurement",
         "they are left out",
     ),
     "structure.struct": Template(NOTE, "it is the struct {struct} of the file"),

@@ -56,10 +56,18 @@ TEMPLATES = {
         "{longest_s:.2f} s at {at_s:.2f} s",
         "samples were lost there; what filters do about it depends on how long a gap is",
     ),
+    "time.rows_lost": Template(
+        WARNING,
+        "gyroscope and accelerometer jump at once in {count} {count:place|places}, the first after "
+        "{at_s:.2f} s, between readings that go on smoothly on either side",
+        "rows are missing there{how_long}, or stand twice, and neither stamps nor a counter tell: "
+        "how it turned meanwhile is lost, and all that follows comes at a wrong time",
+        "record it with stamps or a counter, or cut the file there",
+    ),
     "time.repeated": Template(
         WARNING,
-        "{count} rows repeat the stamp and every value of an earlier one, the first after "
-        "{at_s:.2f} s",
+        "{count} {count:row repeats|rows repeat} the stamp and every value of an earlier one, the "
+        "first after {at_s:.2f} s",
         "they are left out",
     ),
     "time.grouped": Template(
@@ -71,37 +79,39 @@ TEMPLATES = {
     ),
     "time.shared": Template(
         WARNING,
-        "{count} samples have the stamp of the one before but other values, the first after "
-        "{at_s:.2f} s",
+        "{count} {count:sample has|samples have} the stamp of the one before but other values, the "
+        "first after {at_s:.2f} s",
         "they are spread evenly up to the next stamp, or from the one before",
     ),
     "time.stale": Template(
         WARNING,
-        "the first {count} rows have stamps over an hour before the others",
+        "the first {count} {count:row has|rows have} stamps over an hour before the others",
         "they are left over from another recording and left out",
     ),
     "time.glitch": Template(
         WARNING,
-        "{count} stamps in {places} places lie out of order by up to {worst_s:.3g} s, the first "
-        "after {at_s:.2f} s, and the time then goes on as before",
+        "{count} {count:stamp|stamps} in {places} {places:place lies|places lie} out of order by "
+        "up to {worst_s:.3g} s, the first after {at_s:.2f} s, and the time then goes on as before",
         "these stamps are taken for faults of the logger and replaced by even ones",
         "if samples are missing there, cut the file",
     ),
     "time.reordered": Template(
         WARNING,
-        "{count} rows in {places} places stand out of order, the first after {at_s:.2f} s, and fit "
-        "in by their stamps",
+        "{count} {count:row|rows} in {places} {places:place stands|places stand} out of order, the "
+        "first after {at_s:.2f} s, and fit in by their stamps",
         "they are put in the order of time",
     ),
     "time.restart": Template(
         WARNING,
-        "the time goes back and does not return in {count} places, the first after {at_s:.2f} s",
+        "the time goes back and does not return in {count} {count:place|places}, the first after "
+        "{at_s:.2f} s",
         "it is taken to go on there at the rate of --rate",
         "if the recording began again there, cut the file in two",
     ),
     "time.wrapped": Template(
         NOTE,
-        "the time began again from 0 {wraps} times, where a counter of {bits} bits does",
+        "the time began again from 0 {wraps} {wraps:time|times}, where a counter of {bits} bits "
+        "does",
         "it is taken to go on",
     ),
     "time.hour": Template(
@@ -120,7 +130,8 @@ TEMPLATES = {
     "time.by_rows": Template(
         NOTE,
         "the file holds no times",
-        "they are made by the rows, at {rate_hz:g} Hz, by {who}",
+        "they are made by the rows, at {rate_hz:g} Hz, by {who}; rows that are missing show only "
+        "where readings jump",
         "--rate HZ states another rate",
     ),
     "time.of_recorder": Template(

@@ -22,8 +22,8 @@ TEMPLATES = {
     ),
     "truth.impossible_rows": Template(
         WARNING,
-        "{count} of {rows} rows of the joint log hold angles that no joint can reach in the time, "
-        "the first {first_s:.3f} s after its beginning",
+        "{count} of {rows} rows of the joint log {count:holds|hold} angles that no joint can reach "
+        "in the time, the first {first_s:.3f} s after its beginning",
         "they are left out as a gap: a logger that has lost the arm writes zeros",
         "mend or remove these rows",
     ),
@@ -39,9 +39,18 @@ TEMPLATES = {
         "the first {joints} numbers of each line are the joints, {further} more are left out",
         "titles (time_s,J1,J2,...) say otherwise",
     ),
+    "truth.joints": Template(
+        WARNING,
+        "its angular rates fit those of {link} by the joint log in {own_percent:.0f} % of their "
+        "variance, and in {percent:.0f} % with {how}",
+        "columns of the log are in another order or of another sign than the arm's joints, or the "
+        "sensor sits on another link",
+        "name the columns after the joints, turn the sign in the log, or state the link with "
+        "--link",
+    ),
     "truth.dwells": Template(
         NOTE,
-        "{dwells} dwells found in the samples, {length_s:.2f} s long on average",
+        "{dwells} {dwells:dwell|dwells} found in the samples, {length_s:.2f} s long on average",
         "the poses of the truth were held in these",
         "--move S states the time from pose to pose instead",
     ),
@@ -109,16 +118,18 @@ TEMPLATES = {
         "--mounting states the sensor in the body",
     ),
     "truth.not_unit": Template(
-        WARNING, "{count} orientations of the truth are not of unit length", "they count as lost"
+        WARNING,
+        "{count} {count:orientation|orientations} of the truth {count:is|are} not of unit length",
+        "they count as lost",
     ),
     "truth.signs": Template(
         NOTE,
-        "the truth changed the sign of its quaternion {count} times",
+        "the truth changed the sign of its quaternion {count} {count:time|times}",
         "that is undone, as it is the same orientation",
     ),
     "truth.gaps": Template(
         WARNING,
-        "the truth has {gaps} gaps, the longest of {longest_s:.2f} s",
+        "the truth has {gaps} {gaps:gap|gaps}, the longest of {longest_s:.2f} s",
         "nothing is evaluated there",
     ),
 }
