@@ -132,6 +132,8 @@ PAGES: dict[str, Page] = {
             "testbench check": QUICK,
             "testbench run quick --seed 3": LONG,
             "testbench run quick --robot": LONG,
+            "testbench run quick --speed realtime --view": SCREEN,
+            "testbench certificate": LONG,
             "testbench sessions": QUICK,
             "testbench example": QUICK,
             "testbench compare": LONG,
@@ -171,6 +173,20 @@ PAGES: dict[str, Page] = {
         {"testbench ": LONG, "testbench calibrate SESSION --method ferraris": HARDWARE},
         before_long=SIDES,
         words={"SESSION": "logs/sides_1", "OTHER": "logs/sides_2"},
+    ),
+    "docs/certificates.md": Page(
+        {
+            "pip install": INSTALLS,
+            "testbench certificate laboratory": Kind("elsewhere", why="asks on a terminal"),
+            "testbench run static_noise": LONG,
+            "testbench certificate noise": LONG,
+            "testbench certificate": Kind(
+                "elsewhere", why="of sessions of other kinds, as tests of certificates issue them"
+            ),
+            "from testbench.pipeline.certificate import": LONG,
+        },
+        before_long=_run("static_noise", "logs/20261121T231500Z_static_noise"),
+        words={"SESSION": "logs/20261121T231500Z_static_noise"},
     ),
     "docs/comparing.md": Page(
         {"testbench compare": LONG},
@@ -277,6 +293,19 @@ PAGES: dict[str, Page] = {
     "docs/uncertainty.md": Page(
         {"testbench evaluate": LONG},
         before_long=_each("logs/20261201T013942Z_quick", "logs/a_quick"),
+    ),
+    "docs/viewer.md": Page(
+        {
+            "testbench run elbow_flexion --arm": HARDWARE,
+            "testbench record": HARDWARE,
+            "testbench run": SCREEN,
+            "testbench view": SCREEN,
+            "testbench view logs/20261121T223000Z_quick --save": LONG,
+            "testbench view logs/20261121T223000Z_quick --screenshot": Kind(
+                "elsewhere", why="needs a Vulkan driver; tests/reporting draw such pictures"
+            ),
+        },
+        before_long=ONE_RUN + ESTIMATED,
     ),
     "docs/without_truth.md": Page({"testbench ": LONG}, before_long=DOTS + "mv .dots/R*.csv .\n"),
 }
