@@ -367,7 +367,8 @@ def _followed(without: Evaluation, given: Evaluation, name: str, around: int | N
     )
     if around is not None:
         field, own = (x - uniform_filter1d(x, around, mode="nearest") for x in (field, own))
-    return float(np.sum(field * own) / np.sum(field**2))
+    # a field that deviates to one side turns the heading that follows it to the other
+    return -float(np.sum(field * own) / np.sum(field**2))
 
 
 def _halves(evaluation: Evaluation, key: str, column: str) -> np.ndarray:
