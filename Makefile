@@ -19,11 +19,11 @@ unexport PYTHONDONTWRITEBYTECODE
 
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
-.PHONY: help setup run reproduce test check format bench long mutants lock clean
+.PHONY: help setup run reproduce test check format bench long mutants pictures docs-numbers site lock clean
 
 help: ## Show what can be made
-	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | while IFS="$$(printf '\t')" read -r name text; do \
-		printf '  make %-9s %s\n' "$$name" "$$text"; \
+	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | while IFS="$$(printf '\t')" read -r name text; do \
+		printf '  make %-12s %s\n' "$$name" "$$text"; \
 	done
 
 setup: $(VENV)/.project-installed ## Create .venv with the locked dependencies and this project
@@ -81,6 +81,15 @@ long: setup ## Ask by the hundred what the tests ask a few times; stopped, it go
 
 mutants: setup ## Put hundreds of plausible wrong numbers into copies of the program, and see which tests notice; goes on where it was
 	$(BIN)/python -m tests.benchmarks.mutants
+
+pictures: setup ## Make every picture of the docs anew (Chromium, and a Vulkan driver for the viewer)
+	$(BIN)/python -m tests.documents.pictures
+
+docs-numbers: setup ## Compute the tables of the docs anew, where a comment above them names what makes them
+	$(BIN)/python -m tests.documents.numbers
+
+site: setup ## Build the docs as a site into build/site
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 lock: setup ## Pin the newest allowed versions in requirements.lock
 	@printf '%s\n' \

@@ -11,6 +11,13 @@ from __future__ import annotations
 
 import os
 import sys
+
+if sys.version_info < (3, 11):  # noqa: UP036  (before anything that such a Python cannot read)
+    raise SystemExit(
+        f"testbench needs Python 3.11, 3.12 or 3.13; {sys.executable} is Python "
+        f"{sys.version_info[0]}.{sys.version_info[1]}"
+    )
+
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

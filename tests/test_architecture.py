@@ -458,6 +458,8 @@ TESTS_ALONE = {
     "make_server": "named in the catalogue of emulated controllers as module:function",
     "to_earth_frame": "for authors of filters, whom docs/filters.md tells of it",
     "allan": "for notebooks, one of the figures of testbench.plot",
+    "on_start": "called by numba, at whose events it listens",
+    "on_end": "called by numba, at whose events it listens",
     "due_ns": "the virtual clock of the tests goes from one control period to the next by it",
 }
 """Public names that nothing of the program spells, and why they stay."""

@@ -55,6 +55,17 @@ def main() -> None:
         sys.exit(ProgramError.exit_code)
 
 
+def _tell_of_compiling() -> None:
+    """Let who looks at a terminal know that the first commands in an environment compile."""
+    import logging
+
+    logger = logging.getLogger("testbench.model.kernel_cache")
+    if sys.stderr.isatty() and not logger.handlers:
+        logger.addHandler(logging.StreamHandler())
+        logger.setLevel(logging.INFO)
+        logger.propagate = False
+
+
 def _run() -> None:
     """Run a command, and hand on what it printed while what goes wrong with that can be told."""
     import typer
@@ -65,6 +76,7 @@ def _run() -> None:
         if _wants_json():
             _log_nothing()
             sys.exit(_run_without_own_errors(app))
+        _tell_of_compiling()
         app()
     except SystemExit as stopped:
         # typer ends by 1 where the reader went away, and where a question was not answered

@@ -14,6 +14,7 @@ from testbench.cli.comparing import compare
 from testbench.cli.describing import say_description, say_plateaus
 from testbench.cli.designing import design
 from testbench.cli.emulating import emulate
+from testbench.cli.examples import example
 from testbench.cli.exporting import export
 from testbench.cli.filtering import filters
 from testbench.cli.gait import gait
@@ -173,6 +174,7 @@ app.command()(export)
 app.command()(gait)
 app.command()(noise)
 app.command()(simulate)
+app.command()(example)
 app.command()(audit)
 app.command()(calibrate)
 app.command()(calibrations)

@@ -33,6 +33,12 @@ class Middle(StrEnum):
     constant = "constant"
 
 
+def _complete_method(incomplete: str) -> list[str]:
+    from testbench.estimation.calibration.methods import METHODS
+
+    return [name for name in METHODS if name.startswith(incomplete)]
+
+
 def _list(asked: bool) -> None:
     if not asked:
         return
@@ -57,6 +63,7 @@ def calibrate(
         typer.Option(
             "--method",
             help="Method, at most one a triad; without it the best that the recording allows.",
+            autocompletion=_complete_method,
         ),
     ] = None,
     sensor: SensorOption = None,

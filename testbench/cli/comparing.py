@@ -13,6 +13,7 @@ from testbench.cli.options import (
     JunitOption,
     MarkdownOption,
     NoVerifyOption,
+    complete_filter,
     optional,
 )
 from testbench.cli.output import say, say_json, say_table
@@ -44,7 +45,11 @@ def compare(
     ] = None,
     filter_name: Annotated[
         list[str] | None,
-        typer.Option("--filter", help="Filter whose errors are compared; may be repeated."),
+        typer.Option(
+            "--filter",
+            help="Filter whose errors are compared; may be repeated.",
+            autocompletion=complete_filter,
+        ),
     ] = None,
     margin: Annotated[
         float,

@@ -13,6 +13,7 @@ from testbench.cli.options import (
     NoVerifyOption,
     SessionArgument,
     SetOption,
+    complete_filter,
     filter_parameters,
     optional,
     session_of,
@@ -64,6 +65,7 @@ def export(
             "--filter",
             help="Whose orientation: a filter's name, path/to/file.py:ClassName, or 'truth'. "
             "Default: the protocol's first.",
+            autocompletion=complete_filter,
         ),
     ] = None,
     frame: Annotated[

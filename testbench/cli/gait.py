@@ -13,6 +13,7 @@ from testbench.cli.options import (
     NoVerifyOption,
     SessionArgument,
     SetOption,
+    complete_filter,
     filter_parameters,
     session_of,
 )
@@ -83,7 +84,12 @@ def gait(
         ),
     ] = "",
     filter_name: Annotated[
-        str, typer.Option("--filter", help="Whose orientation the regression takes.")
+        str,
+        typer.Option(
+            "--filter",
+            help="Whose orientation the regression takes.",
+            autocompletion=complete_filter,
+        ),
     ] = "euler_ekf",
     parameters_set: SetOption = None,
     floor: Annotated[

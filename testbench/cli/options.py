@@ -83,6 +83,20 @@ def complete_robot(incomplete: str) -> list[str]:
     return [name for name in list_robots() if name.startswith(incomplete)]
 
 
+def complete_filter(incomplete: str) -> list[str]:
+    """Names of filters that begin so."""
+    from testbench.records.specs.protocol import FILTER_NAMES
+
+    return [name for name in FILTER_NAMES if name.startswith(incomplete)]
+
+
+def complete_filters(incomplete: str) -> list[str]:
+    """The last name of a list with commas, as it may go on, with what stands before it."""
+    before, comma, last = incomplete.rpartition(",")
+    taken = before.split(",")
+    return [f"{before}{comma}{name}" for name in complete_filter(last) if name not in taken]
+
+
 PROTOCOL = typer.Argument(
     help="Protocol file, or the name of one that ships with the bench.",
     autocompletion=complete_protocol,
@@ -107,6 +121,7 @@ FiltersOption = Annotated[
     typer.Option(
         "--filters",
         help="Orientation filters, separated by commas: names, or path/to/file.py:ClassName.",
+        autocompletion=complete_filters,
     ),
 ]
 PlateausOption = Annotated[
@@ -155,6 +170,7 @@ CompareOption = Annotated[
         "--compare",
         metavar="FILTER",
         help="Compare every filter with this one, such as 'device'; it is not taken for the truth.",
+        autocompletion=complete_filter,
     ),
 ]
 SequenceOption = Annotated[

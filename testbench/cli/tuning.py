@@ -12,6 +12,7 @@ from testbench.cli.options import (
     JsonOption,
     NoVerifyOption,
     SetOption,
+    complete_filter,
     entries_of,
     filter_parameters,
     optional,
@@ -26,7 +27,12 @@ if TYPE_CHECKING:
 def tune(
     sessions: Annotated[list[Path], typer.Argument(help="Sessions to tune on, with truth.")],
     filter_name: Annotated[
-        str, typer.Option("--filter", help="Filter: a name, or path/to/file.py:ClassName.")
+        str,
+        typer.Option(
+            "--filter",
+            help="Filter: a name, or path/to/file.py:ClassName.",
+            autocompletion=complete_filter,
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", help="File to write (.json).")],
     objective: Annotated[

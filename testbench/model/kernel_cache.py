@@ -8,11 +8,15 @@ entry that cannot be read is no entry: the kernel is compiled again.
 
 Processes that start together want the same kernels, and would each compile all of them. Here the
 first one compiles a kernel, while the others wait for it and read it.
+
+The first commands in a new environment compile some, which takes a while: who looks at a terminal
+is told once.
 """
 
 from __future__ import annotations
 
 import fcntl
+import logging
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -21,7 +25,7 @@ from functools import wraps
 from pickle import UnpicklingError
 from typing import Any
 
-from numba.core import caching
+from numba.core import caching, event
 from numba.core.dispatcher import Dispatcher
 
 UNREADABLE = (AttributeError, ImportError, EOFError, IndexError, UnpicklingError)
@@ -48,6 +52,34 @@ def forgive() -> None:
         read = getattr(file, name, None)
         if read is not None and not hasattr(read, "__wrapped__"):
             setattr(file, name, _forgiving(read, nothing))
+
+
+LOGGER = "testbench.model.kernel_cache"
+COMPILES = (
+    "compiling what computes fast: once in a new environment or for a new version, about 15 s of a "
+    "processor"
+)
+
+
+class Announcement(event.Listener):  # type: ignore[misc]
+    """Logs, at the first kernel that is in no cache, that kernels are being compiled."""
+
+    def __init__(self) -> None:
+        self.told = False
+
+    def on_start(self, event: Any) -> None:
+        """A kernel was in no cache."""
+        if not self.told:
+            logging.getLogger(LOGGER).info(COMPILES)
+        self.told = True
+
+    def on_end(self, event: Any) -> None:
+        """It is compiled, and the next ones are not told of."""
+
+
+def announce() -> None:
+    """Have it logged that this process compiles; the command line shows that on a terminal."""
+    event.register("numba:compile", Announcement())
 
 
 LONGEST_WAIT_S, ASKED_EVERY_S = 60.0, 0.02

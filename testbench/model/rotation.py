@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from testbench.model.kernel_cache import forgive, take_turns
+from testbench.model.kernel_cache import announce, forgive, take_turns
 
 forgive()  # here, for nearly all that has kernels turns something
 take_turns()
+announce()
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 GIMBAL_LOCK = 1e-7

@@ -13,7 +13,7 @@
 - `calibrate`, `noise`, `noise_preset`, `tune`, `parameter_space`: what sensors and filters are
   found to be; `design`: poses and turns that would tell it best.
 - `record`, `bring_in`, `simulate`: other ways to a recording; `body_request`: the joints asked
-  for with it.
+  for with it; `examples`: recordings to try the bench with.
 
 Modules are imported one by one: who evaluates a session need not load what drives an arm.
 """

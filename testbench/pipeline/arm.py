@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from testbench.clock import Clock
 from testbench.drivers.arms import catalogue
 from testbench.drivers.arms.base import SteppingArm
 from testbench.drivers.arms.entry import WantedArm
-from testbench.exceptions import BenchError, InputError
+from testbench.exceptions import BenchError, DriverError, InputError
 from testbench.execution.devices import open_devices
 from testbench.execution.resume import refuse_differences
 from testbench.execution.sensors import Sensors
+from testbench.extras import is_missing, missing_extra
 from testbench.pipeline.prepared import Prepared
 from testbench.pipeline.request import RunRequest
 from testbench.pipeline.watcher import Consent
@@ -33,12 +34,33 @@ def refuse_arm(asked: RunRequest, consent: Consent) -> None:
     Raises:
         InputError: Names each such option, and the arms that take it; or the option that is
             missing.
+        DriverError: A library that the run needs is not installed.
     """
     driver, given = asked.arm.driver, _given(asked, consent)
     needed = [*catalogue.ignored_options(driver, given), *_kept(asked)]
     if needed:
         raise InputError("; ".join(f"{option} needs {what}" for option, what in needed))
     catalogue.refuse_missing(driver, given)
+    entry = catalogue.find_arm(driver)
+    if consent.motion and entry.extra and is_missing(entry.extra):
+        raise DriverError(missing_extra(f"driving {entry.family} needs", entry.extra))
+    refuse_missing_devices(asked.arm.serial, asked.arm.dots)
+
+
+def refuse_missing_devices(serial: Collection[str], dots: Collection[str]) -> None:
+    """Refuse live sensors whose library is not installed, before anything is connected.
+
+    Args:
+        serial: Boards that are asked for.
+        dots: Xsens DOTs that are asked for.
+
+    Raises:
+        DriverError: Names the extra, and how to install it.
+    """
+    if serial and is_missing("serial"):
+        raise DriverError(missing_extra("serial devices need", "serial"))
+    if dots and is_missing("ble"):
+        raise DriverError(missing_extra("Bluetooth devices need", "ble"))
 
 
 def _given(asked: RunRequest, consent: Consent) -> set[str]:

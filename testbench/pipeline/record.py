@@ -6,6 +6,7 @@ from testbench.drivers.session_time import SessionTime
 from testbench.execution.device_recorder import record_devices
 from testbench.execution.devices import open_devices, scan_devices
 from testbench.execution.options import RunOptions
+from testbench.pipeline.arm import refuse_missing_devices
 from testbench.pipeline.request import RecordRequest
 from testbench.pipeline.watcher import Watcher
 from testbench.records.session.session import Session
@@ -25,6 +26,7 @@ def record(asked: RecordRequest, watcher: Watcher | None = None) -> Session:
         RunInterrupted: Interrupted before the duration was over; the session is kept.
     """
     watcher = watcher or Watcher()
+    refuse_missing_devices(asked.serial, asked.dots)
     devices = open_devices(
         list(asked.serial),
         list(asked.dots),

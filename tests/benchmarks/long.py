@@ -13,6 +13,7 @@ from tests.benchmarks.coverage import bench_coverage
 from tests.benchmarks.crash_points import bench_crash_points
 from tests.benchmarks.crashes import bench_crashes
 from tests.benchmarks.damaged_sessions import bench_damaged_sessions
+from tests.benchmarks.documents import bench_documents
 from tests.benchmarks.faults import bench_faults
 from tests.benchmarks.full_disks import bench_full_disks
 from tests.benchmarks.intervals import bench_intervals
@@ -35,6 +36,7 @@ CAMPAIGNS: list[Callable[[], bool]] = [
     bench_crash_points,
     bench_full_disks,
     bench_damaged_sessions,
+    bench_documents,
     bench_faults,
     bench_joints,
     bench_lack_of_fit,

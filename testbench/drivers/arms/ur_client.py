@@ -34,6 +34,7 @@ from testbench.drivers.arms.ur_outside import (
     stop_from_outside,
     tell_stop,
 )
+from testbench.extras import missing_extra
 
 KEEP_ALIVE_S = 0.02
 IN_TOUCH_S = 0.25
@@ -142,12 +143,8 @@ class UrClient(ArmClient):
             import dashboard_client
             import rtde_control
         except ImportError:
-            raise ArmFault(
-                "extra_missing",
-                "driving a Universal Robots arm needs the extra 'ur': pip install "
-                "'imu-testbench[ur]' "
-                "(its client library exists for x86-64 and Python up to 3.12)",
-            ) from None
+            needs = "driving a Universal Robots arm needs"
+            raise ArmFault("extra_missing", missing_extra(needs, "ur")) from None
         host = self.settings.host
         if not self._lock.take():
             return {"refused": USED_BY_ANOTHER_RUN}

@@ -27,6 +27,7 @@ from testbench.drivers.arms.controller_lock import USED_BY_ANOTHER_RUN, Controll
 from testbench.drivers.arms.receiver import Receiver
 from testbench.drivers.arms.settings import LinkSettings
 from testbench.drivers.arms.standing import RestWatch, Standing
+from testbench.extras import missing_extra
 
 CONTROL_PORT, REPORT_PORT = 502, 30000
 REPORT = np.dtype(
@@ -256,8 +257,7 @@ class XArmClient(ArmClient):
                 from xarm.wrapper import XArmAPI
         except ImportError:
             raise ArmFault(
-                "extra_missing",
-                "driving an xArm needs the extra 'xarm': pip install 'imu-testbench[xarm]'",
+                "extra_missing", missing_extra("driving an xArm needs", "xarm")
             ) from None
         finally:
             os.environ.pop("HOME", None)

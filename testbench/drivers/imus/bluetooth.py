@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from testbench.drivers.imus.xsens_dot_payload import ADDRESS_PREFIX, ADVERTISED_NAMES, COMPANY_ID
 from testbench.exceptions import BenchError, DriverError
+from testbench.extras import missing_extra
 
 SCAN_S = 5.0
 """Length of a search [s]; a DOT advertises several times a second."""
@@ -25,11 +26,7 @@ def import_bleak() -> ModuleType:
     try:
         import bleak
     except ImportError:
-        message = (
-            "Bluetooth devices need the extra 'ble', which is not installed: pip install "
-            "'imu-testbench[ble]'"
-        )
-        raise DriverError(message) from None
+        raise DriverError(missing_extra("Bluetooth devices need", "ble")) from None
     return bleak
 
 

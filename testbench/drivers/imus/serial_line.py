@@ -16,6 +16,7 @@ from testbench.drivers.imus.line_parser import Line, LineParser, MalformedLine
 from testbench.drivers.imus.streamed import QUEUE_S, StreamedImu
 from testbench.drivers.session_time import SessionTime
 from testbench.exceptions import DriverError
+from testbench.extras import missing_extra
 from testbench.frames import NANOSECONDS
 
 READ_TIMEOUT_S = 0.1
@@ -63,11 +64,7 @@ def import_pyserial() -> ModuleType:
     try:
         import serial
     except ImportError:
-        message = (
-            "serial devices need the extra 'serial', which is not installed: pip install "
-            "'imu-testbench[serial]'"
-        )
-        raise DriverError(message) from None
+        raise DriverError(missing_extra("serial devices need", "serial")) from None
     return serial
 
 

@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 
 from testbench.exceptions import BenchError, InputError, NotFoundError
+from testbench.extras import missing_extra
 from testbench.formats.exporters.settings import doubtful_notes, settings_notes
 from testbench.formats.exporters.source import TRUTH, ExportSource, Frame
 from testbench.formats.exporters.writing import check_target, written_whole
@@ -59,10 +60,7 @@ class ExportFormat:
         except ModuleNotFoundError as error:
             if self.extra is None or not error.name or error.name.startswith("testbench"):
                 raise
-            raise InputError(
-                f"the package '{error.name.split('.')[0]}' is not installed; the extra "
-                f"'{self.extra}' brings it: pip install 'imu-testbench[{self.extra}]'"
-            ) from None
+            raise InputError(missing_extra("this format needs", self.extra)) from None
         return function
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from testbench.exceptions import BenchError, FileProblems, InputError, Problem
+from testbench.extras import missing_extra
 from testbench.frames import NANOSECONDS
 
 IMU = "sensor_msgs/msg/Imu"
@@ -190,10 +191,7 @@ def _reader(path: Path) -> Any:
         from rosbags.rosbag1 import Reader as Reader1
         from rosbags.rosbag2 import Reader as Reader2
     except ImportError:
-        raise InputError(
-            "reading bags of ROS needs the extra 'ros', which is not installed: pip install "
-            "'imu-testbench[ros]'"
-        ) from None
+        raise InputError(missing_extra("reading bags of ROS needs", "ros")) from None
     return Reader1(path) if path.suffix.lower() == ".bag" else Reader2(path)
 
 

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from testbench.exceptions import FileProblems, InputError, Problem
+from testbench.extras import missing_extra
 from testbench.formats.truth.tracked import (
     FASTEST_HZ,
     METRES,
@@ -115,10 +116,7 @@ def _content(file: Path) -> dict[str, np.ndarray]:
         if stream.read(2)[1:] != b"\x50":
             raise _refusal(file, "not a C3D file: its second byte is not 80")
     if importlib.util.find_spec("ezc3d") is None:
-        raise InputError(
-            "reading C3D needs the extra 'markers', which is not installed: pip install "
-            "'imu-testbench[markers]'"
-        )
+        raise InputError(missing_extra("reading C3D needs", "markers"))
     child = str(Path(__file__).with_name("c3d_child.py"))
     patience = PATIENCE_S + S_PER_BYTE * file.stat().st_size
     try:

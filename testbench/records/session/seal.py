@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from testbench.exceptions import InputError, SessionError
+from testbench.extras import missing_extra
 from testbench.records.disk.replacing import replaced_file, stored, stored_where_asked
 from testbench.records.session.layout import MANIFEST, SEAL
 from testbench.records.session.manifest import RunStatus
@@ -149,10 +150,7 @@ def _library() -> tuple[Any, Any, type[Exception]]:
         from cryptography.hazmat.primitives import serialization
         from cryptography.hazmat.primitives.asymmetric import ed25519
     except ModuleNotFoundError:
-        raise InputError(
-            f"the package 'cryptography' is not installed; the extra '{EXTRA}' brings it: pip "
-            f"install 'imu-testbench[{EXTRA}]'"
-        ) from None
+        raise InputError(missing_extra("seals need", EXTRA)) from None
     return serialization, ed25519, InvalidSignature
 
 

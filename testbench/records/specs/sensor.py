@@ -51,11 +51,11 @@ class TriadParameters:
     bandwidth: float | None
     bias_sd: float
     bias_instability: float
-    bias_time_constant: float
     bias_random_walk: float
     scale_sd: float
     cross_axis_sd: float
     nonlinearity: float
+    bias_time_constant: float = 300.0
     g_sensitivity_sd: float = 0.0
     bias_drift_sd: float = 0.0
 
@@ -65,9 +65,6 @@ class TriadSheet(StrictModel):
 
     bandwidth_hz: float | None = Field(
         default=None, gt=0, description="Bandwidth of a first-order low pass [Hz]; null: none."
-    )
-    bias_time_constant_s: float = Field(
-        default=300.0, gt=0, description="Correlation time of the in-run bias [s]."
     )
     scale_sd_percent: float = Field(
         default=0.0, ge=0, description="Scale factor error, standard deviation over parts [%]."
@@ -82,14 +79,21 @@ class TriadSheet(StrictModel):
     def _common(self) -> dict[str, float | None]:
         return {
             "bandwidth": self.bandwidth_hz,
-            "bias_time_constant": self.bias_time_constant_s,
             "scale_sd": self.scale_sd_percent / 100,
             "cross_axis_sd": self.cross_axis_sd_percent / 100,
             "nonlinearity": self.nonlinearity_percent_fs / 100,
         }
 
 
-class Accelerometer(TriadSheet):
+class InertialSheet(TriadSheet):
+    """What those of accelerometers and gyroscopes state beside it."""
+
+    bias_time_constant_s: float = Field(
+        default=300.0, gt=0, description="Correlation time of the in-run bias [s]."
+    )
+
+
+class Accelerometer(InertialSheet):
     """Accelerometer data sheet."""
 
     range_g: float = Field(gt=0, description="Full scale, +- [g].")
@@ -119,13 +123,14 @@ class Accelerometer(TriadSheet):
             noise_density=np.array(self.noise_density_ug_sqrthz) * 1e-6 * _G,
             bias_sd=self.bias_sd_mg * 1e-3 * _G,
             bias_instability=self.in_run_bias_mg * 1e-3 * _G,
+            bias_time_constant=self.bias_time_constant_s,
             bias_random_walk=self.bias_random_walk_mg_sqrts * 1e-3 * _G,
             bias_drift_sd=self.bias_drift_sd_mg_k * 1e-3 * _G,
             **self._common(),  # type: ignore[arg-type]
         )
 
 
-class Gyroscope(TriadSheet):
+class Gyroscope(InertialSheet):
     """Gyroscope data sheet."""
 
     range_deg_s: float = Field(gt=0, description="Full scale, +- [deg/s].")
@@ -162,6 +167,7 @@ class Gyroscope(TriadSheet):
             noise_density=np.array(self.noise_density_deg_s_sqrthz) * _DEG,
             bias_sd=self.bias_sd_deg_s * _DEG,
             bias_instability=self.in_run_bias_deg_h * _DEG / 3600,
+            bias_time_constant=self.bias_time_constant_s,
             bias_random_walk=self.bias_random_walk_deg_h_sqrts * _DEG / 3600,
             g_sensitivity_sd=self.g_sensitivity_sd_deg_s_g * _DEG / _G,
             bias_drift_sd=self.bias_drift_sd_deg_s_k * _DEG,

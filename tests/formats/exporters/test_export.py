@@ -216,7 +216,8 @@ def test_without_mcap_the_message_names_the_extra(own_session, monkeypatch):
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.delitem(sys.modules, "testbench.formats.exporters.mcap_file", raising=False)
     with pytest.raises(
-        InputError, match=r"'mcap' is not installed.* pip install 'imu-testbench\[mcap\]'"
+        InputError,
+        match=r"extra 'mcap', which is not installed: .* pip install 'imu-testbench\[mcap\]'",
     ):
         export(own_session, ExportRequest(format="mcap"))
 
