@@ -153,7 +153,6 @@ PAGES: dict[str, Page] = {
             "testbench evaluate logs/broad": DATA,
             "testbench evaluate logs/walk": LONG,
             "testbench calibrate": LONG,
-            "testbench certificate": LONG,
             "testbench noise": LONG,
             "testbench simulate": LONG,
             "testbench audit": LONG,
