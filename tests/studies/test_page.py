@@ -15,6 +15,8 @@ from tests.studies import page
 NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e-?\d+)?")
 GIVEN = {
     "8.9e-7": "table 4.1 of Botina & Vergara, rounded",
+    "2116 7106": "means of table 4.7 of Botina & Vergara",
+    "1000": "R of Quijano & Valencia's text",
     "0.498": "mean magnitude of table 4.3 of Quijano & Valencia",
     "24": "poses of gimvebo_gyro",
     "38": "rests of imu_tk",
