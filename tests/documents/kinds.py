@@ -121,6 +121,12 @@ from tests.documents.blocks import ROOT, blocks
 (band,) = [own.text for own in blocks(ROOT / "docs/reports.md") if own.language == "yaml"]
 open("our_patients.yaml", "w").write(band)'
 """
+LABORATORY = "printf 'name: A\\naddress: B\\n' > laboratory.yaml\n"
+ISSUED_BY = {
+    "--pdf": "--pdf --laboratory laboratory.yaml",
+    "pdf=True": 'pdf=True, laboratory="laboratory.yaml"',
+}
+"""Nobody has stated a laboratory where tests run."""
 CUT_OFF = Kind("elsewhere", why="goes on with a run that broke off, as tests/system do")
 
 PAGES: dict[str, Page] = {
@@ -132,6 +138,8 @@ PAGES: dict[str, Page] = {
             "testbench check": QUICK,
             "testbench run quick --seed 3": LONG,
             "testbench run quick --robot": LONG,
+            "testbench run quick --speed realtime --view": SCREEN,
+            "testbench certificate": LONG,
             "testbench sessions": QUICK,
             "testbench example": QUICK,
             "testbench compare": LONG,
@@ -164,13 +172,31 @@ PAGES: dict[str, Page] = {
         + _run("calibration_optimal", "logs/20261121T230000Z_calibration_optimal")
         + _run("static_noise", "logs/20261121T231500Z_static_noise")
         + _run("timing_audit", "logs/20261121T231500Z_timing_audit")
+        + LABORATORY
         + _broad("02", "16")
         + '[ -z "$TESTBENCH_DATA" ] || ln -s $TESTBENCH_DATA/broad/05_*.mat 05_trial.mat\n',
+        words=ISSUED_BY,
     ),
     "docs/calibration.md": Page(
         {"testbench ": LONG, "testbench calibrate SESSION --method ferraris": HARDWARE},
         before_long=SIDES,
         words={"SESSION": "logs/sides_1", "OTHER": "logs/sides_2"},
+    ),
+    "docs/certificates.md": Page(
+        {
+            "pip install": INSTALLS,
+            "testbench certificate laboratory": Kind(
+                "elsewhere", why="asks questions, which tests/records/test_laboratory.py answers"
+            ),
+            "testbench run static_noise": LONG,
+            "testbench certificate": LONG,
+            "from testbench.pipeline.certificate import": LONG,
+        },
+        before_long=ONE_RUN
+        + _run("calibration_optimal", "logs/20261121T230000Z_calibration_optimal")
+        + _run("static_noise", "logs/20261121T231500Z_static_noise")
+        + LABORATORY,
+        words=ISSUED_BY,
     ),
     "docs/comparing.md": Page(
         {"testbench compare": LONG},
@@ -277,6 +303,19 @@ PAGES: dict[str, Page] = {
     "docs/uncertainty.md": Page(
         {"testbench evaluate": LONG},
         before_long=_each("logs/20261201T013942Z_quick", "logs/a_quick"),
+    ),
+    "docs/viewer.md": Page(
+        {
+            "testbench run elbow_flexion --arm": HARDWARE,
+            "testbench record": HARDWARE,
+            "testbench run": SCREEN,
+            "testbench view": SCREEN,
+            "testbench view logs/20261121T223000Z_quick --save": LONG,
+            "testbench view logs/20261121T223000Z_quick --screenshot": Kind(
+                "elsewhere", why="needs a Vulkan driver; tests/reporting draw such pictures"
+            ),
+        },
+        before_long=ONE_RUN + ESTIMATED,
     ),
     "docs/without_truth.md": Page({"testbench ": LONG}, before_long=DOTS + "mv .dots/R*.csv .\n"),
 }

@@ -56,6 +56,15 @@ def test_quick_tables_are_as_they_are_made(tmp_path: Path) -> None:
     assert renewed(page, "misalignment_fits", misalignment_fits(tmp_path)) == page
 
 
+def test_sentences_below_the_tuning_table_have_its_means() -> None:
+    page = (ROOT / "docs" / "tuning.md").read_text(encoding="utf-8")
+    _, _, after = page.partition("<!-- numbers: tuning_on_broad -->")
+    (means,) = re.findall(r"^\| mean \|(.*)\|$", after, re.MULTILINE)
+    begin, _, own, _, others = (cell.strip() for cell in means.split("|"))
+    for mean in (begin, own, others):
+        assert f"{mean} deg" in after
+
+
 def test_a_table_is_replaced_and_nothing_beside_it() -> None:
     before = "a\n\n<!-- numbers: one -->\n\n| x |\n|---|\n| 1 |\n\nb\n"
     after = renewed(before, "one", [["x", "y"], ["2", "3"]])

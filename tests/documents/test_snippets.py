@@ -15,6 +15,7 @@ from testbench.emulation.ur.faults import UrScenario
 from testbench.formats.mapping import MappingSpec
 from testbench.records.specs.arm_calibration import ArmCalibration
 from testbench.records.specs.band import Band
+from testbench.records.specs.laboratory import Laboratory
 from testbench.records.specs.protocol import ProtocolSpec
 from testbench.records.specs.robot import RobotSpec
 from tests.documents.blocks import Block, blocks, documents
@@ -22,6 +23,7 @@ from tests.documents.blocks import Block, blocks, documents
 ALL = [own for page in documents() for own in blocks(page) if own.language == "yaml"]
 WHOLE: dict[str, type[BaseModel]] = {
     "README.md": ProtocolSpec,
+    "docs/certificates.md": Laboratory,
     "docs/devices.md": LineFormat,
     "docs/emulator.md": UrScenario,
     "docs/formats.md": MappingSpec,

@@ -99,7 +99,7 @@ def certificate_of(kind: Kind, parts: Parts, recorded: Recorded, issue: Issue) -
         findings=parts.findings,
         conformity=parts.conformity,
         uncertainty=parts.uncertainty,
-        traceability=traceability_of(session, laboratory, parts.references),
+        traceability=traceability_of(session, laboratory, parts),
         not_claimed=parts.not_claimed,
         validity=validity_of(session, laboratory),
         blank=blanks([*lone, *of_items]),

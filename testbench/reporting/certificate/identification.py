@@ -54,7 +54,9 @@ def _item(session: Session, name: str, serial: str | None, firmware: str | None)
     if tag is not None:
         entries.append(Entry(name="Device tag", value=tag, remark=BY_DEVICE))
     if record.rate_hz is not None:
-        entries.append(Entry(name="Rate", value=f"{record.rate_hz:.4g} Hz", remark="nominal"))
+        entries.append(
+            Entry(name="Rate", value=f"{record.rate_hz:.4g} Hz", remark="nominal, or as measured")
+        )
     scale = record.full_scale
     if scale is not None and (scale.acc_m_s2 or scale.gyr_rad_s):
         ranges = [
@@ -86,7 +88,7 @@ def _identity(
         if given is not None:
             raise InputError(f"sensor {sensor} is simulated, and has no {title.lower()}: {option}")
         part = part_of(session) or "simulated"
-        return Entry(name=title, value=None, remark=f"a model has none ({part})")
+        return Entry(name=title, value=None, remark=f"a model has none: {part}")
     if given is not None:
         return Entry(name=title, value=given, remark=BY_LABORATORY)
     return Entry(name=title, value=None, remark=f"the session does not state it; {option} does")
@@ -170,7 +172,7 @@ def session_entries(session: Session, files: int, sealed: bool) -> list[Entry]:
             value=f"{files}, each compared with the SHA-256 that the manifest states",
         ),
         Entry(name="Seal of its manifest", value=seal),
-        Entry(name="Recorded with", value=software),
+        Entry(name="Written with", value=software),
     ]
     return [own for own in entries if own.value or own.remark]
 

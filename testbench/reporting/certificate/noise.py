@@ -28,6 +28,8 @@ K = 1.96
 TRIADS = {"acc": "accelerometer", "gyr": "gyroscope", "mag": "magnetometer"}
 AXES = ("x", "y", "z")
 INTEGRATED = {"acc": "Velocity random walk", "gyr": "Angle random walk"}
+OF_FILTERS = {"filter", "filters"}
+"""Values of findings that speak of orientations, which noise has none of."""
 NOT_SHOWN = "not shown by this rest"
 HIDDEN = "lost among the other noises"
 UNSTATED = "no uncertainty is stated"
@@ -92,6 +94,7 @@ def noise_parts(session: Session, sensor: str, evaluation: Evaluation) -> Parts:
     }
     tables = [_table(quantity, own) for quantity, own in by_triad.items() if own]
     span, count = max(row.span_s for row in rows), max(row.samples for row in rows)
+    found = [*session.manifest.findings, *evaluation.findings]
     others = [*(name for name in session.sensor_names if name != sensor), *session.analysis.joints]
     return Parts(
         title=words.NOISE_TITLE,
@@ -99,10 +102,11 @@ def noise_parts(session: Session, sensor: str, evaluation: Evaluation) -> Parts:
         procedure=[words.REST_TAKEN.format(count=count, span=span), words.ALLAN],
         results=tables,
         figures=_figures(sensor, evaluation, by_triad),
-        findings=weighty([*session.manifest.findings, *evaluation.findings], others),
+        findings=weighty([own for own in found if not OF_FILTERS & own.values.keys()], others),
         uncertainty=[words.NOISE_UNCERTAINTY],
         references=[words.OWN_UNITS],
         not_claimed=_not_claimed(by_triad, span),
+        untraceable=words.NO_REFERENCE,
     )
 
 

@@ -27,6 +27,8 @@ class Parts:
         references: What the results were held against, in sentences.
         not_claimed: What is not stated, in sentences.
         conformity: By which rule limits are kept, in sentences.
+        untraceable: Why the results are traceable to nothing, whatever the laboratory states, a
+            sentence; empty where its references may count.
     """
 
     title: str
@@ -39,6 +41,7 @@ class Parts:
     references: list[str]
     not_claimed: list[str]
     conformity: list[str] = field(default_factory=list)
+    untraceable: str = ""
 
 
 def shortened(values: Iterable[float]) -> list[float]:

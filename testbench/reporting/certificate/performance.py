@@ -56,6 +56,7 @@ def performance_parts(session: Session, estimate: Estimate, evaluation: Evaluati
         left = len(others) - MOST_ROWS
         more = [f"{left} more of this kind are in evaluation.json."] if left > 0 else []
         tables.append(_table("Metrics without a limit", evaluation, others[:MOST_ROWS], more))
+    shown = [*limited, *others[:MOST_ROWS]]
     drawn = [metric for metric in limited or others if metric.unit == "deg"]
     return Parts(
         title=words.PERFORMANCE_TITLE,
@@ -67,7 +68,8 @@ def performance_parts(session: Session, estimate: Estimate, evaluation: Evaluati
         uncertainty=[words.PERFORMANCE_UNCERTAINTY],
         references=_references(session),
         not_claimed=_not_claimed(session, evaluation),
-        conformity=[_decision_rule(evaluation)] if limited else ["No limits were stated."],
+        conformity=[_decision_rule(evaluation)] if limited else [words.NO_LIMITS],
+        untraceable="" if any(m.expanded_uncertainty for m in shown) else words.UNKNOWN_TRUTH,
     )
 
 
@@ -201,12 +203,13 @@ def _references(session: Session) -> list[str]:
         return arm_reference(session)
     told = []
     for name, record in session.manifest.sensors.items():
-        if record.truth is not None:
+        if session.truth_file(name) is not None:
             known = "nobody states how far it may be off"
             if record.truth_sd_deg is not None:
                 known = f"standard uncertainty {record.truth_sd_deg:.2g} deg about each axis"
                 known += f", {record.truth_sd_from}" if record.truth_sd_from else ""
-            told.append(f"Reference of {name}: {record.truth}; {known}.")
+            truth = record.truth or "the orientations that came with the recording"
+            told.append(f"Reference of {name}: {truth}; {known}.")
     return told
 
 

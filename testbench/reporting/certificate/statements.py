@@ -13,6 +13,7 @@ from testbench.records.session.manifest import ENDED, RunStatus
 from testbench.records.session.session import Session
 from testbench.records.specs.laboratory import Laboratory
 from testbench.reporting.certificate import words
+from testbench.reporting.certificate.parts import Parts
 from testbench.reporting.sections.run import simulated_parts
 
 PARTIAL = "run.resumed"
@@ -50,22 +51,22 @@ def simulated_sentences(session: Session) -> list[str]:
     return [words.SIMULATED.format(parts=parts)]
 
 
-def traceability_of(
-    session: Session, laboratory: Laboratory, references: Sequence[str]
-) -> list[str]:
+def traceability_of(session: Session, laboratory: Laboratory, parts: Parts) -> list[str]:
     """What the results are traceable to, which the bench knows nothing of.
 
     Args:
         session: The recording.
         laboratory: Who states a traceability, if anybody does.
-        references: What the results were held against, in sentences.
+        parts: What the results were held against, and whether that can be traceable.
     """
     if simulated_parts(session):
-        return [words.NOTHING_MEASURED, *references]
-    told = [*references]
+        return [words.NOTHING_MEASURED, *parts.references]
+    if parts.untraceable:
+        return [parts.untraceable, *parts.references]
     if laboratory.traceability:
-        return [*told, words.LABORATORY_STATES.format(text=laboratory.traceability.strip())]
-    return [words.NOT_TRACEABLE, *told]
+        stated = words.LABORATORY_STATES.format(text=laboratory.traceability.strip())
+        return [*parts.references, stated]
+    return [words.NOT_TRACEABLE, *parts.references]
 
 
 def arm_reference(session: Session) -> list[str]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
-import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from testbench.exceptions import InputError
+from testbench.extras import missing_extra
 from testbench.records.results.certificate import Certificate
 from testbench.records.specs.shipped import shipped_data
 
@@ -23,12 +23,10 @@ def refuse_missing() -> None:
     Raises:
         InputError: Names the extra, and a command that brings it.
     """
-    missing = [name for name in PACKAGES if importlib.util.find_spec(name) is None]
-    if missing:
+    if any(importlib.util.find_spec(name) is None for name in PACKAGES):
         raise InputError(
-            f"setting a certificate needs the extra '{EXTRA}', of which {' and '.join(missing)} "
-            f"{'is' if len(missing) == 1 else 'are'} not installed: {sys.executable} -m pip "
-            f"install {' '.join(missing)}; without --pdf the JSON file alone is written"
+            f"{missing_extra('the pages of a certificate need', EXTRA)}; without --pdf the JSON "
+            "file alone is written"
         )
 
 

@@ -8,6 +8,13 @@ SIMULATED = (
 )
 NOTHING_MEASURED = "None: nothing was measured."
 NOT_TRACEABLE = "Metrological traceability is not claimed: no certificate of a reference is stated."
+NO_REFERENCE = (
+    "Metrological traceability is not claimed: the results were held against no reference."
+)
+UNKNOWN_TRUTH = (
+    "Metrological traceability is not claimed: of no result it is known how far its reference may "
+    "be off."
+)
 LABORATORY_STATES = "The laboratory states: {text}"
 ARM_REFERENCE = (
     "Reference: the joints of the arm {arm} through its kinematics. What its file says of how far "
@@ -105,6 +112,7 @@ OTHER_MOTIONS = (
     "Nothing is stated of other motions, nor of filters, joints and sensors without a row in the "
     "tables."
 )
+NO_LIMITS = "No limits were stated."
 DECISION_RULE = (
     "Outcome: {outcome}. Decision rule: guard bands of U on both sides of a limit "
     "(ILAC-G8:09/2019, 4.2; JCGM 106:2012, 8.3): pass keeps it even if the truth is off by U, fail "
@@ -119,7 +127,7 @@ OTHERWISE = (
 )
 NO_U = "No U by {filters}: {why}."
 NO_INTERVAL_KNOWN = (
-    "A dash for an interval: this session is too short to know one; evaluation.json says why."
+    "A dash for an interval: it is not known from this session; evaluation.json says why."
 )
 ERROR_MODEL = (
     "The orientation by “device” is an error model here, and no device computed it: its rows test "

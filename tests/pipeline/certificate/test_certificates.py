@@ -26,9 +26,11 @@ from testbench.records.results.calibration_file import load_calibration
 from testbench.records.results.certificate import SCHEMA_FILE, certificate_schema, schema_text
 from testbench.records.results.quantity import Quantity
 from testbench.records.session.session import Session
-from testbench.records.specs.laboratory import Statement
+from testbench.records.specs.laboratory import Laboratory, Statement
 from testbench.reporting.certificate import typesetting
+from testbench.reporting.certificate.noise import noise_parts
 from testbench.reporting.certificate.performance import factor_of
+from testbench.reporting.certificate.statements import traceability_of
 from tests.asking import recorded
 from tests.command_line import command
 
@@ -264,8 +266,23 @@ def test_what_is_real_does_not(own: Issued) -> None:
     assert own.pdf is not None
     assert "simulated" not in " ".join(pages(own.pdf)).lower()
     made = own.certificate
-    assert made.traceability[-1] == "The laboratory states: gravity by certificate 17"
+    assert made.traceability[0].endswith("the results were held against no reference.")
+    assert "gravity by certificate 17" not in " ".join(made.traceability)
     assert made.validity[-1].endswith("D-K-00000.")
+
+
+def test_a_laboratory_states_what_its_references_are_traceable_to(
+    own: Issued, device: Session, resting: Result
+) -> None:
+    stated = own.certificate.laboratory
+    none = Laboratory(name="A", address="B")
+    parts = replace(noise_parts(resting.session, "dot", resting.evaluation), untraceable="")
+    told = traceability_of(device, stated, parts)
+    assert told[-1] == "The laboratory states: gravity by certificate 17"
+    assert traceability_of(device, none, parts)[0].startswith("Metrological traceability is not")
+    assert traceability_of(resting.session, stated, parts)[0] == "None: nothing was measured."
+    of_nothing = replace(parts, untraceable="No.")
+    assert traceability_of(device, stated, of_nothing) == ["No.", *parts.references]
 
 
 def test_the_device_is_identified_by_what_it_states(own: Issued, device: Session) -> None:
@@ -286,7 +303,7 @@ def test_what_nobody_states_is_blank_with_a_reason(noise: Issued) -> None:
         assert what in blank
     assert noise.pdf is not None
     text = " ".join(pages(noise.pdf))
-    assert "blank: a model has none (simulated, part 1)" in text
+    assert "blank: a model has none: simulated, part 1" in text
     assert "blank: neither the session nor the laboratory states it" in text
 
 
@@ -400,7 +417,9 @@ def test_what_is_missing_is_named_before_anything_else(
     device: Session, laboratory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(typesetting.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"extra 'certificate'.* -m pip install typst matplotlib"):
+    with pytest.raises(
+        InputError, match=r"extra 'certificate', which is .* install .*\[certificate\]"
+    ):
         issue(device, tmp_path, tmp_path / "no_laboratory.yaml", "noise")
     out = tmp_path / "noise.pdf"
     issued = certify(device, CertificateRequest(kind="noise", laboratory=laboratory, out=out))
