@@ -20,7 +20,6 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-DOCUMENTS = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def run_example(name: str, folder: Path, *arguments: str) -> str:
@@ -91,17 +90,6 @@ def test_the_protocol_in_the_readme_passes_every_check(tmp_path: Path) -> None:
     )
     (tmp_path / "readme.yaml").write_text(text, encoding="utf-8")
     assert plan(tmp_path / "readme.yaml").check.steps == 16
-
-
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_links_between_documents_lead_somewhere(document: Path) -> None:
-    targets = re.findall(r"\]\(([^)#\s]+)", document.read_text(encoding="utf-8"))
-    missing = [
-        target
-        for target in targets
-        if "://" not in target and not (document.parent / target).exists()
-    ]
-    assert not missing
 
 
 def test_pictures_are_small_enough_for_a_page() -> None:

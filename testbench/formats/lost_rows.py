@@ -27,6 +27,8 @@ NEAR, FAR = 6, 24
 """Jumps are compared with those so many rows away, to either side."""
 FACTOR = 4.0
 """A loss makes gyroscope and accelerometer jump by so many times what they do nearby."""
+ALONE = 0.5
+"""Steps from row to row beside it are smaller parts of it: an impact goes to and fro [1]."""
 LEAST_RATE, LEAST_FORCE = np.radians(5.0), 0.3
 """And by so much at least [rad/s], [m/s^2]."""
 LEAST_TURN = np.radians(1.0)
@@ -132,11 +134,25 @@ def find_jumps(gyr: np.ndarray, acc: np.ndarray, step_s: float) -> list[tuple[in
         ):
             continue
         row = at + SIDE - 1
+        if not (_is_alone(gyr, row) and _is_alone(acc, row)):
+            continue
         lost_s = _lost_for(gyr, acc, row, force[at])
         speed = float(np.linalg.norm(gyr[row - 1 : row + 3].mean(axis=0)))
         if speed * max(lost_s, step_s) > LEAST_TURN:
             found.append((row, lost_s))
     return found
+
+
+def _is_alone(readings: np.ndarray, row: int) -> bool:
+    """Whether the step after a row is much larger than those beside it.
+
+    Args:
+        readings: Shape (n, 3).
+        row: With as many rows on either side as a line is laid through.
+    """
+    steps = rotation.lengths(np.diff(readings[row - SIDE + 1 : row + SIDE + 1], axis=0))
+    own = steps[SIDE - 1]
+    return bool(np.delete(steps, SIDE - 1).max() < ALONE * own)
 
 
 def _may_jump(gyr: np.ndarray, acc: np.ndarray) -> bool:

@@ -61,7 +61,7 @@ COMPILES = (
 )
 
 
-class Announcement(event.Listener):  # type: ignore[misc]
+class Announcement(event.Listener):
     """Logs, at the first kernel that is in no cache, that kernels are being compiled."""
 
     def __init__(self) -> None:

@@ -178,6 +178,8 @@ class LiveSession:
     def _tell(self) -> None:
         """Draw state, links and margins."""
         now = np.array([self.last_ns])
+        if self._told_ns < 0 and self.last_ns > 2 * TOLD_NS:  # opened late
+            self.scene.state(0, f"Nobody looked on until {self.last_ns / NANOSECONDS:.1f} s.")
         self._told_ns = self.last_ns
         own = self.sensors
         self.scene.lines("link/rate_hz", now, {k: np.array([s.rate_hz]) for k, s in own.items()})

@@ -8,6 +8,7 @@ that is half.
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import random
@@ -19,11 +20,13 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
 from testbench import execute, plan
 from testbench.cli import main
+from testbench.clock import SystemClock
 from testbench.execution import RunOptions
 from testbench.pipeline.analyse import analyse
 from testbench.records.results.evaluation import Evaluation
@@ -38,6 +41,10 @@ from tests.system.crashes import SEED, comparable
 COUNT = 2000
 """More than there are."""
 DEAD, FAULT = 99, 98
+TICK_NS = 50_000_000
+"""The clock of commands goes on by so much a reading: what is recorded is synced once a second, and
+by the machine's clock more often where it is busy, so that the points were others each time.
+"""
 RRD_END = b"RRF2FOOT\x01\0\0\0"
 """Last bytes of a recording of the viewer that was closed."""
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
@@ -327,7 +334,9 @@ def _run(folder: Path, words: list[str], said: list[Path], point: int, around: A
         os.dup2(files[0], 1)
         os.dup2(files[1], 2)
         sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
-        with around():
+        ticks = itertools.count(0, TICK_NS)
+        steady = patch.object(SystemClock, "monotonic_ns", lambda clock: next(ticks))
+        with around(), steady:
             os.chdir(folder)
             sys.argv = ["testbench", *words]
             counter = _Counter(folder, point)

@@ -112,6 +112,8 @@ def _line(asked: Asked, number: int, folder: Path, page: Page) -> str:
     text = asked.text
     for word, own in page.words.items():
         text = re.sub(rf"(?<![\w/.]){word}\b", own, text)
+    # studies start processes of their own, which forked ones may not
+    text = text.replace("testbench study", "testbench_process study")
     if not asked.python:
         return f"{text} 2>&1"
     snippet = folder / f"snippet_{number}.py"

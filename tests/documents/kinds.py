@@ -138,6 +138,8 @@ PAGES: dict[str, Page] = {
             "testbench check": QUICK,
             "testbench run quick --seed 3": LONG,
             "testbench run quick --robot": LONG,
+            "testbench run quick --speed realtime --view": SCREEN,
+            "testbench certificate": LONG,
             "testbench sessions": QUICK,
             "testbench example": QUICK,
             "testbench compare": LONG,
@@ -151,7 +153,6 @@ PAGES: dict[str, Page] = {
             "testbench evaluate logs/broad": DATA,
             "testbench evaluate logs/walk": LONG,
             "testbench calibrate": LONG,
-            "testbench certificate": LONG,
             "testbench noise": LONG,
             "testbench simulate": LONG,
             "testbench audit": LONG,
@@ -302,6 +303,19 @@ PAGES: dict[str, Page] = {
     "docs/uncertainty.md": Page(
         {"testbench evaluate": LONG},
         before_long=_each("logs/20261201T013942Z_quick", "logs/a_quick"),
+    ),
+    "docs/viewer.md": Page(
+        {
+            "testbench run elbow_flexion --arm": HARDWARE,
+            "testbench record": HARDWARE,
+            "testbench run": SCREEN,
+            "testbench view": SCREEN,
+            "testbench view logs/20261121T223000Z_quick --save": LONG,
+            "testbench view logs/20261121T223000Z_quick --screenshot": Kind(
+                "elsewhere", why="needs a Vulkan driver; tests/reporting draw such pictures"
+            ),
+        },
+        before_long=ONE_RUN + ESTIMATED,
     ),
     "docs/without_truth.md": Page({"testbench ": LONG}, before_long=DOTS + "mv .dots/R*.csv .\n"),
 }

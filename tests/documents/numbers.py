@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from shutil import copytree
+from typing import Any
 
 import numpy as np
 import yaml
@@ -26,6 +27,7 @@ from testbench.estimation.calibration.norm_only import norm_only
 from testbench.estimation.calibration.validation import validate
 from testbench.model.misalignment import misalignment_errors
 from testbench.model.statistics.polynomial import fit_quadratic
+from testbench.pipeline.analyse import Result
 from testbench.pipeline.bring_in import bring_in
 from testbench.pipeline.request import (
     AnalysisRequest,
@@ -49,7 +51,7 @@ Rows = list[list[str]]
 
 def table_of(rows: Rows) -> str:
     """Markdown of a table; the first row is its header."""
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    lines = ["|" + "".join(f" {cell} |" if cell else " |" for cell in row) for row in rows]
     return "\n".join([lines[0], "|" + "---|" * len(rows[0]), *lines[1:]]) + "\n"
 
 
@@ -196,7 +198,13 @@ def disturbed_field(folder: Path) -> Rows:
         title = "`ecompass`, `triad`" if name == "ecompass" else f"`{name}`"
         rows.append([title, *(_headings(*place, name) for place in places)])
     again = [_headings(unrejected, motion, "vqf_9d") for motion in ("dynamic", "static")]
-    return [*rows, ["`vqf_9d`, `mag_rejection` 0", "", "", *again]]
+    rows.append(["`vqf_9d`, `mag_rejection` 0", "", "", *again])
+    sections = (None, None, "passes", "stay")
+    totals = [
+        ", ".join(_joint_total(result, section, name) for name in ("ecompass", "vqf_9d"))
+        for (result, _), section in zip(places, sections, strict=True)
+    ]
+    return [*rows, ["total error of the joint: `ecompass`, `vqf_9d`", *totals]]
 
 
 def _evaluated(
@@ -205,7 +213,7 @@ def _evaluated(
     *filters: str,
     parameters: dict[str, dict[str, float]] | None = None,
     seed: int = 0,
-) -> Evaluation:
+) -> Result:
     """A run of a protocol."""
     asked = Request(
         run=RunRequest(protocol=protocol, logs=str(folder), seed=seed),
@@ -213,27 +221,45 @@ def _evaluated(
             filters=filters or None, parameters=parameters or {}, report=False
         ),
     )
-    return run(asked).evaluation
+    return run(asked)
 
 
-def _of_field(evaluation: Evaluation, motion: str) -> str:
-    values = [
-        row.field_heading_rms_deg for row in evaluation.magnetic_field if row.motion == motion
-    ]
-    return _pair(values)
+def _of_field(result: Result, motion: str) -> str:
+    return _pair(
+        [row.field_heading_rms_deg for row in _moved(result.evaluation.magnetic_field, motion)]
+    )
 
 
-def _headings(evaluation: Evaluation, motion: str, name: str) -> str:
+def _headings(result: Result, motion: str, name: str) -> str:
     """RMS heading errors of the sensors by a filter; empty where it was not run."""
-    return _pair(_heading_errors(evaluation, motion, name))
+    return _pair(_heading_errors(result.evaluation, motion, name))
 
 
 def _heading_errors(evaluation: Evaluation, motion: str, name: str) -> list[float]:
-    return [
-        row.errors.rmse_deg
-        for row in evaluation.orientation_summary
-        if (row.filter, row.motion, row.part) == (name, motion, "heading")
+    own = [
+        row for row in evaluation.orientation_summary if (row.filter, row.part) == (name, "heading")
     ]
+    return [row.errors.rmse_deg for row in _moved(own, motion)]
+
+
+def _moved(rows: Sequence[Any], motion: str) -> list[Any]:
+    """A row of each sensor: of the wanted motion, or of all where it had only one."""
+    by_sensor: dict[str, dict[str, Any]] = {}
+    for row in rows:
+        by_sensor.setdefault(row.sensor, {})[row.motion] = row
+    return [own.get(motion, own["all"]) for own in by_sensor.values()]
+
+
+def _joint_total(result: Result, section: str | None, name: str) -> str:
+    """RMS error of the joint's rotation, in a section or in all that is judged [deg]."""
+    (series,) = (s for key, s in result.evaluation.series.items() if key.startswith("joint_"))
+    judged = series["judged"].astype(bool)
+    if section is not None:
+        steps = [step for step in result.session.steps if step.section == section]
+        time_ns = series["host_time_ns"]
+        judged &= (time_ns >= steps[0].start_ns) & (time_ns <= steps[-1].end_ns)
+    error = series[f"{name}_total_error_rad"][judged]
+    return f"{np.degrees(np.sqrt(np.nanmean(error**2))):.2f}"
 
 
 def _pair(values: Sequence[float]) -> str:
@@ -285,7 +311,10 @@ def _with_and_without(protocol: str) -> list[tuple[Evaluation, Evaluation]]:
             file.write_text(text + field_text, encoding="utf-8")
             logs = Path(made) / "logs"
             found.append(
-                [_evaluated(str(file), logs, *COST_FILTERS, seed=seed) for seed in range(3)]
+                [
+                    _evaluated(str(file), logs, *COST_FILTERS, seed=seed).evaluation
+                    for seed in range(3)
+                ]
             )
     return list(zip(*found, strict=True))
 
@@ -338,7 +367,8 @@ def _followed(without: Evaluation, given: Evaluation, name: str, around: int | N
     )
     if around is not None:
         field, own = (x - uniform_filter1d(x, around, mode="nearest") for x in (field, own))
-    return float(np.sum(field * own) / np.sum(field**2))
+    # a field that deviates to one side turns the heading that follows it to the other
+    return -float(np.sum(field * own) / np.sum(field**2))
 
 
 def _halves(evaluation: Evaluation, key: str, column: str) -> np.ndarray:

@@ -13,6 +13,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shutil import copytree
 from tempfile import TemporaryDirectory
 
 from tests.documents.blocks import ROOT
@@ -42,7 +43,7 @@ def run_script(script: str, folder: Path, own_processes: bool = False) -> tuple[
     """
     for name in ("protocols", "examples"):
         if not (folder / name).exists():
-            (folder / name).symlink_to(ROOT / name)
+            copytree(ROOT / name, folder / name)  # not linked: commands write into them
     with TemporaryDirectory() as place, _answering(Path(place) / "bench") as address:
         client = Path(place) / "client.py"
         client.write_text(CLIENT, encoding="utf-8")
@@ -51,9 +52,10 @@ def run_script(script: str, folder: Path, own_processes: bool = False) -> tuple[
             asked = f'"{sys.executable}" -S -I "{client}" "{address}"'
         else:
             script = f"set -m\ntrap 'kill $(jobs -p) 2>/dev/null || true' EXIT\n{script}"
+        apart = f'testbench_process() {{ "{sys.executable}" -m testbench "$@"; }}\n'
         python = f'python() {{ "{sys.executable}" -W error "$@"; }}\n'
         done = subprocess.run(
-            ["bash", "-c", f'testbench() {{ {asked} "$@"; }}\n{python}{script}'],
+            ["bash", "-c", f'testbench() {{ {asked} "$@"; }}\n{apart}{python}{script}'],
             cwd=folder,
             env=os.environ | {"PYTHONPATH": str(ROOT)},
             capture_output=True,

@@ -17,7 +17,7 @@ SHARE = 0.34
 """A table with more cells that begin with a number than this is one of numbers."""
 EXEMPT = {
     "docs/protocol_reference.md": "defaults, which tests/records hold to the program",
-    "docs/studies.md": "printed by `testbench study`",
+    "docs/studies.md": "made from studies, which tests/studies/test_page.py holds it to",
 }
 
 
@@ -54,6 +54,15 @@ def test_what_made_them_exists() -> None:
 def test_quick_tables_are_as_they_are_made(tmp_path: Path) -> None:
     page = (ROOT / "docs" / "methods.md").read_text(encoding="utf-8")
     assert renewed(page, "misalignment_fits", misalignment_fits(tmp_path)) == page
+
+
+def test_sentences_below_the_tuning_table_have_its_means() -> None:
+    page = (ROOT / "docs" / "tuning.md").read_text(encoding="utf-8")
+    _, _, after = page.partition("<!-- numbers: tuning_on_broad -->")
+    (means,) = re.findall(r"^\| mean \|(.*)\|$", after, re.MULTILINE)
+    begin, _, own, _, others = (cell.strip() for cell in means.split("|"))
+    for mean in (begin, own, others):
+        assert f"{mean} deg" in after
 
 
 def test_a_table_is_replaced_and_nothing_beside_it() -> None:

@@ -94,6 +94,11 @@ DAMAGES = {
         put("q_measured_wrist_3_joint_rad", 100, np.nan),
         "q_measured is no number in row 100",
     ),
+    "an arm was sent nowhere": (
+        ARM,
+        put("q_sent_wrist_3_joint_rad", 100, np.nan),
+        "q_sent is no number in row 100",
+    ),
     "an arm's times are turned round": (
         ARM,
         turned("host_time_ns"),

@@ -310,7 +310,10 @@ def test_a_viewer_that_refuses_is_not_waited_for_for_ever(
 def test_a_viewer_that_starts_and_loads_slowly_draws_at_last(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    states = [ConnectionError("not yet" + METADATA), [], ["recording"]]
+    loading = SimpleNamespace(recordings=["recording"], loading=["session.rrd"])
+    loaded = SimpleNamespace(recordings=["recording"], loading=[])
+    nothing = SimpleNamespace(recordings=[], loading=[])
+    states = [ConnectionError("not yet" + METADATA), nothing, loading, loading, loaded]
 
     class Slow(Loading):
         def __init__(self) -> None:
@@ -325,10 +328,11 @@ def test_a_viewer_that_starts_and_loads_slowly_draws_at_last(
             state = states.pop(0) if len(states) > 1 else states[0]
             if isinstance(state, Exception):
                 raise state
-            return SimpleNamespace(recordings=state)
+            return state
 
         def save_screenshot(self, path: str) -> None:
             assert self.time is not None
+            assert states == [loaded]
             Path(path).write_bytes(b"PNG")
 
     monkeypatch.setattr("rerun.experimental.ViewerClient", Slow)

@@ -11,9 +11,10 @@ import pytest
 import rerun.blueprint as rrb
 
 from testbench.exceptions import NotFoundError
+from testbench.records.results.gait import Gait, SensorGait, Stride
 from testbench.records.session.samples import ImuSamples
 from testbench.reporting.viewer.layout import Content, layout
-from testbench.reporting.viewer.marks import changes, unsound_sensors, with_gaps
+from testbench.reporting.viewer.marks import changes, contacts, unsound_sensors, with_gaps
 from testbench.reporting.viewer.recording import _Seen
 from testbench.reporting.viewer.shown_first import by_flexion, by_orientation, visible
 from testbench.reporting.viewer.signals import signals_of
@@ -121,3 +122,20 @@ def test_a_gap_ends_in_what_the_samples_are_then() -> None:
     states = with_gaps(time, changes(time, words))
     assert [word for _, word in states] == ["sound", "gap", "flagged", "sound"]
     assert [at // 100_000_000 for at, _ in states] == [0, 2, 100, 102]
+
+
+def test_each_foot_that_walks_has_a_lane_of_stance_and_swing() -> None:
+    strides = [
+        Stride(begin_s=0.0, end_s=1.1, tc_s=0.6, ic_s=1.0),
+        Stride(begin_s=1.1, end_s=2.2, tc_s=1.7, ic_s=2.1),
+    ]
+    feet = {
+        "left": SensorGait(sensor="left", on="foot", strides=strides),
+        "chest": SensorGait(sensor="chest", on="chest"),
+    }
+    found = contacts(Gait(session="walk", fingerprint="", sensors=feet))
+    assert found.keys() == {"left"}
+    assert [(at // 10**8, word) for at, word in found["left"]] == [
+        *((6, "swing"), (10, "stance"), (17, "swing"), (21, "stance"))
+    ]
+    assert contacts(None) == {}

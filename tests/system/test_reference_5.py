@@ -20,10 +20,12 @@ from testbench.studies.chain.comparison import (
     reference_5,
 )
 from testbench.studies.chain.figures import boxes, figures
-from testbench.studies.chain.motions import GAIT, PENDULUM, STEPS, TWO, VARIED
+from testbench.studies.chain.motions import GAIT, PENDULUM, STEPS, TWO, VARIED, WALKS
 from testbench.studies.chain.study import findings, fourier_changes, tables, uncovered
 from tests.studies.hostile import complaints, missing
 
+RUNS = 3
+"""Of a rig: two have an interval that says nothing."""
 FIGURES = ["Errors of the seven axes, as figure 4.37", "RMS over the seven axes by the number"]
 FIGURES += ["shank, rate about", "shank, force along", "thigh, rate about", "knee, ", "ankle, "]
 FIGURES += [f"{sensor}, rate" for sensor in ("pelvis", "thigh_r", "shank_r", "foot_r")]
@@ -47,11 +49,15 @@ def test_the_published_numbers_are_those_of_the_source():
 
 @pytest.fixture(scope="module")
 def study(altered_protocol, tmp_path_factory):
-    """A third of the swings and squats, eight strides by the cheaper model of the sensors."""
+    """A quarter of the swings and squats, eight strides by the cheaper model of the sensors.
+
+    One walker, and three runs of each rig with sensors of their own.
+    """
 
     def fewer(spec):
         for sweep in spec["sections"][1]["steps"][0]["sweep"].values():
-            sweep["sine"]["cycles"] = 10
+            sweep["sine"]["cycles"] = 7
+        spec["estimate"]["chain"]["settling_s"] = 3
 
     def walk(spec):
         spec["variables"]["strides"] = 8
@@ -59,8 +65,8 @@ def study(altered_protocol, tmp_path_factory):
 
     sources = {name: altered_protocol(name, fewer) for name in ("pendulum", "squat")}
     sources["gait"] = altered_protocol("gait", walk)
-    bench = StudyBench(tmp_path_factory.mktemp("logs"), SystemClock(), parts=2)
-    return reference_5(bench, sources, with_report=False, rigs_a_part=2)
+    bench = StudyBench(tmp_path_factory.mktemp("logs"), SystemClock(), parts=1)
+    return reference_5(bench, sources, with_report=False, rigs_a_part=RUNS)
 
 
 @pytest.mark.slow
@@ -116,6 +122,9 @@ def test_the_filter_of_the_text_follows_the_motion(study):
 def test_what_is_said_is_what_the_numbers_say(study):
     for own in (*study.rigs.values(), *study.walks.values()):
         for name, change in fourier_changes(own).items():
+            if own.motion in WALKS:
+                assert change.interval is None and change.verdict == "not shown"
+                continue
             low, high = change.interval
             shown = "more" if low > 0 else "less" if high < 0 else "not shown"
             assert change.verdict == shown, name
@@ -135,7 +144,7 @@ def test_a_critical_reader_finds_nothing(study):
         "",
         "",
         "2026-01-01T00:00:00Z",
-        {"parts": 2},
+        {"parts": RUNS},
         (),
         findings(study),
         tables(study, load_published_chain()),
@@ -153,5 +162,5 @@ def test_a_critical_reader_finds_nothing(study):
 
 @pytest.mark.slow
 def test_every_number_has_a_session(study):
-    assert len(study.sessions) == 4 * 4 + 2 * 2 + 2
+    assert len(study.sessions) == 4 * RUNS + 2 + 1
     assert all(Session(path).path.is_dir() for path in study.sessions)

@@ -318,8 +318,12 @@ def _doubt(
     wrong = misread(turned, read, motion.truth, fit)
     if wrong is not None and described.truth_link is not None:
         # angles of joints have neither an order nor a direction of quaternions
-        values = {key: wrong.values[key] for key in ("as_read_percent", "percent")}
-        return finding("truth.not_the_links", link=described.truth_link, **values)
+        return finding(
+            "truth.not_the_links",
+            link=described.truth_link,
+            as_read_percent=wrong.values["as_read_percent"],
+            percent=wrong.values["percent"],
+        )
     if wrong is not None or fit.explained >= FOREIGN or fit.magnitudes >= ALIKE:
         return wrong
     if motion.clock.method == "angular_rate":  # two logs that begin and rest alike

@@ -68,7 +68,7 @@ def put_together(build: Build, placed: dict[str, Placed], counter: str | None) -
         stamps = stamps_of(time_place(build, first, p), p.table, p.time, rate, counter, asking)
         titles = {quantity: q.titles for quantity, q in placed.items()}
         noticed = [*stamps.findings, *rate_findings(build, p.time, stamps)]
-        if p.time is None and counter is None:
+        if p.time is None and counter is None and rate is not None:
             who = "the mapping" if build.options.rate is None else "--rate"
             noticed.append(finding("time.by_rows", rate_hz=rate, who=who))
         return Together(p.table, titles, stamps, p.table, noticed)

@@ -127,7 +127,7 @@ def _readings(
             order = np.arange(len(names))
             order[[i, j]] = j, i
             yield f"the angles of {names[i]} and {names[j]} exchanged", link, q[:, order]
-    for i in np.flatnonzero(moved):
+    for i in np.flatnonzero(moved).tolist():
         signs = np.ones(len(names))
         signs[i] = -1
         yield f"the sign of {names[i]} turned", link, q * signs

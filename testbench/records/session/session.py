@@ -394,8 +394,8 @@ class Session:
         else:
             arm = ArmSamples.from_columns(read_parquet(file), names)
         refuse_times(file, "host_time_ns", arm.host_time_ns, RESTARTED_NS)
-        measured = {"q_measured": arm.q_measured, "v_measured": arm.v_measured}
-        refuse_no_numbers(file, measured)
+        angles = {"q_sent": arm.q_sent, "q_measured": arm.q_measured}
+        refuse_no_numbers(file, angles | {"v_measured": arm.v_measured})
         return arm
 
     def arm_joint(self, joint: str) -> tuple[np.ndarray, np.ndarray] | None:

@@ -79,7 +79,7 @@ def live_layout(content: LiveContent) -> rrb.Blueprint:
     shares = [7.0]
     if content.stepped:
         right.append(rrb.StateTimelineView(origin="/state", name="protocol"))
-        shares.append(1.6)
+        shares.append(2.0)
     columns = rrb.TextLogColumns(timeline_columns=[TIMELINE], text_log_columns=["loglevel", "body"])
     right.append(rrb.TextLogView(origin="/events", name="events", columns=columns))
     shares.append(2.2)

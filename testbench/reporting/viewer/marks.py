@@ -11,6 +11,7 @@ from testbench.frames import NANOSECONDS
 from testbench.model.statistics.intervals import median_interval
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
+from testbench.records.results.gait import Gait
 from testbench.records.session.layout import joint_table, orientation_table
 from testbench.records.session.samples import ImuSamples
 from testbench.records.session.session import Session
@@ -25,6 +26,7 @@ UNSOUND = {
     "aligned apart": "#a866d6",
 }
 """What is marked of a sensor, the first that holds, and its colour."""
+CONTACT = {"stance": "#2f7ed8", "swing": "#2b333d"}
 GAP_INTERVALS, GAP_S = 3.0, 0.05
 """Samples so many intervals apart, and at least so long, are a gap."""
 MOST_MARKED = 8
@@ -37,8 +39,11 @@ def log_marks(
     samples: Mapping[str, ImuSamples],
     estimate: Estimate | None,
     evaluation: Evaluation | None,
+    gait: Gait | None,
 ) -> None:
-    """A lane of what is evaluated, and one for each sensor of which something is not sound."""
+    """A lane of what is evaluated, one for each sensor of which something is not sound, and one for
+    each foot that walks.
+    """
     judged = _judged(evaluation)
     if judged:
         name_states(recording, "state/evaluated", {"evaluated": "#1f9e77", "not": "#2b333d"})
@@ -46,6 +51,21 @@ def log_marks(
     for name, states in unsound_sensors(session, samples, estimate).items():
         name_states(recording, f"state/{name}", {SOUND: "#2b333d"} | UNSOUND)
         send_states(recording, name, states)
+    for name, states in contacts(gait).items():
+        name_states(recording, f"state/{name}_contact", CONTACT)
+        send_states(recording, f"{name}_contact", states)
+
+
+def contacts(gait: Gait | None) -> dict[str, list[tuple[int, str]]]:
+    """From when on each foot is on the ground, or swings, by sensor, where its events are known."""
+    found: dict[str, list[tuple[int, str]]] = {}
+    for name, own in gait.sensors.items() if gait is not None else ():
+        events = [(stride.tc_s, "swing") for stride in own.strides]
+        events += [(stride.ic_s, "stance") for stride in own.strides]
+        known = sorted((at, word) for at, word in events if np.isfinite(at))
+        if known and len(found) < MOST_MARKED:
+            found[name] = [(round(at * NANOSECONDS), word) for at, word in known]
+    return found
 
 
 def has_judged(evaluation: Evaluation | None) -> bool:

@@ -217,7 +217,8 @@ def _draw(process: subprocess.Popen[bytes], port: int, path: Path, time_s: float
             raise ViewerError(f"the viewer did not answer within {START_TIMEOUT:.0f} s")
         try:
             client = client or ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
-            loaded = bool(client.get_state().recordings)
+            state = client.get_state()
+            loaded = bool(state.recordings) and not state.loading
         except (*REFUSALS, OSError):
             client = None
         pause.wait(0.2)

@@ -16,13 +16,14 @@ from testbench.model.kinematics import Kinematics, Pose
 from testbench.records.disk.replacing import replaced_file, stored_where_asked
 from testbench.records.results.estimate import Estimate
 from testbench.records.results.evaluation import Evaluation
+from testbench.records.results.gait import Gait
 from testbench.records.session.samples import ArmSamples, ImuSamples, Truth
 from testbench.records.session.session import Session
 from testbench.records.session.session_lock import session_lock
 from testbench.reporting.page.palette import filter_colours
-from testbench.reporting.report import load_estimate, load_evaluation
+from testbench.reporting.report import load_estimate, load_evaluation, load_gait
 from testbench.reporting.viewer.layout import Content, layout, reach_of
-from testbench.reporting.viewer.marks import has_judged, log_marks, unsound_sensors
+from testbench.reporting.viewer.marks import contacts, has_judged, log_marks, unsound_sensors
 from testbench.reporting.viewer.scene import (
     WORLD,
     axes_each,
@@ -102,7 +103,8 @@ def write_recording(
     with session_lock(session.path):
         estimate = estimate or load_estimate(session)
         evaluation = evaluation or load_evaluation(session)
-    seen = _Seen.of(session, estimate, evaluation)
+        gait = load_gait(session)
+    seen = _Seen.of(session, estimate, evaluation, gait)
     blueprint = layout(seen.content(), evaluation, only)
     recording = rr.RecordingStream("testbench", recording_id=session.name, send_properties=False)
     with drained(file) as pipe, recording:
@@ -124,20 +126,27 @@ class _Seen:
     arm: ArmSamples | None
     truths: dict[str, Truth | None]
     samples: dict[str, ImuSamples]
+    gait: Gait | None
 
     @staticmethod
-    def of(session: Session, estimate: Estimate | None, evaluation: Evaluation | None) -> _Seen:
+    def of(
+        session: Session,
+        estimate: Estimate | None,
+        evaluation: Evaluation | None,
+        gait: Gait | None = None,
+    ) -> _Seen:
         """As the session's folder has it."""
         kept = {name: own.every for name, own in estimate.sensors.items()} if estimate else {}
         names = session.sensor_names
         truths = {name: session.truth(name) for name in names}
         samples = {name: session.imu(name, every=kept.get(name, 1)) for name in names}
-        return _Seen(session, estimate, evaluation, session.arm(), truths, samples)
+        return _Seen(session, estimate, evaluation, session.arm(), truths, samples, gait)
 
     def content(self) -> Content:
         """What the viewer is laid out for."""
         unsound = unsound_sensors(self.session, self.samples, self.estimate)
-        lanes = 2 * bool(self.session.steps) + len(unsound) + has_judged(self.evaluation)
+        lanes = 2 * bool(self.session.steps) + len(unsound) + len(contacts(self.gait))
+        lanes += has_judged(self.evaluation)
         return Content(
             {name: signals_of(own) for name, own in self.samples.items()},
             self.columns,
@@ -250,7 +259,7 @@ def _log(recording: rr.RecordingStream, seen: _Seen) -> None:
         log_errors(recording, evaluation, colours)
         log_chain(recording, evaluation)
     log_steps(recording, session, evaluation)
-    log_marks(recording, session, seen.samples, estimate, evaluation)
+    log_marks(recording, session, seen.samples, estimate, evaluation, seen.gait)
 
 
 def _reach(session: Session, arm: ArmSamples | None) -> float | None:

@@ -37,7 +37,7 @@ def test_truth_in_the_same_rows_with_gaps_and_flipped_signs(plain, motion, load,
     np.testing.assert_array_equal(truth.judged[known], m.t[row] > 2)
     assert session.analysis.estimate.align == "motion" and not session.analysis.estimate.align_clock
     notes = " ".join(session.manifest.notes)
-    assert "changed the sign" in notes and "1 gaps" in notes
+    assert "changed the sign" in notes and "1 gap," in notes
 
 
 def test_truth_in_a_file_of_its_own_at_a_lower_rate(plain, motion, load, table, xyz):
