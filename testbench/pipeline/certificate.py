@@ -108,10 +108,14 @@ def _target(session: Session, asked: CertificateRequest, sensors: list[str], day
     """The PDF that is asked for, or one in the session's folder; its JSON lies beside it.
 
     Raises:
-        InputError: It is no PDF, or one of the files is there.
+        InputError: It is no PDF, one of the files is there, or the folder leads elsewhere.
     """
     of = "" if asked.kind == "test" else f"_{sensors[0]}"
     out = session.path / CERTIFICATES / f"{asked.kind}{of}_{day}.pdf"
+    if asked.out is None and out.parent.is_symlink():  # a session may come from anybody
+        raise InputError(
+            f"{out.parent} is a symbolic link, which may lead anywhere; name a file with --out"
+        )
     out = out if asked.out is None else Path(asked.out)
     if out.suffix != ".pdf":
         raise InputError(f"--out {out}: name a .pdf file; its JSON file is put beside it")

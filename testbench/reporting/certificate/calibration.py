@@ -24,7 +24,7 @@ from testbench.records.results.uncertainty import LEVEL
 from testbench.records.session.session import Session
 from testbench.reporting.certificate import words
 from testbench.reporting.certificate.parts import Parts, shortened
-from testbench.reporting.certificate.statements import arm_reference, ended_early, weighty
+from testbench.reporting.certificate.statements import ended_early, truth_references, weighty
 from testbench.reporting.page.tables import unit_words
 from testbench.reporting.sections.calibrated import figure_words, gravity_errors, sentence
 
@@ -80,10 +80,8 @@ def calibration_parts(
         figures=[] if poses is None else _figures(poses),
         findings=weighty([*told, *calibration.findings], others),
         uncertainty=[words.CALIBRATION_UNCERTAINTY],
-        references=[
-            words.GRAVITY.format(gravity=STANDARD_GRAVITY),
-            *arm_reference(session),
-        ],
+        references=_references(session, calibration),
+        untraceable=words.UNKNOWN_TRUTH if _by_unknown_truth(session, calibration) else "",
         not_claimed=[
             *_not_calibrated(session, calibration),
             words.NOT_CALIBRATED,
@@ -166,6 +164,20 @@ def _held_out(triads: Mapping[str, TriadCalibration]) -> list[ResultTable]:
             notes=["To two digits, for no uncertainty is stated of them."],
         )
     ]
+
+
+def _references(session: Session, calibration: SensorCalibration) -> list[str]:
+    """What the readings were held against, as far as the session has it."""
+    gravity = words.GRAVITY.format(gravity=STANDARD_GRAVITY)
+    told = [gravity] if "accelerometer" in calibration.triads else []
+    return [*told, *truth_references(session)]
+
+
+def _by_unknown_truth(session: Session, calibration: SensorCalibration) -> bool:
+    """Whether the truth came with a recording, and nobody states how far it may be off."""
+    if session.has_protocol or session.truth_file(calibration.sensor) is None:
+        return False
+    return session.manifest.sensors[calibration.sensor].truth_sd_deg is None
 
 
 def _held(value: float, unit: str) -> Quantity:

@@ -18,7 +18,7 @@ from testbench.records.results.quantity import Quantity, rounding
 from testbench.records.session.session import Session
 from testbench.reporting.certificate import words
 from testbench.reporting.certificate.parts import Parts, shortened
-from testbench.reporting.certificate.statements import arm_reference, weighty
+from testbench.reporting.certificate.statements import truth_references, weighty
 from testbench.reporting.sections.run import simulated_parts
 
 MOST_ROWS = 24
@@ -66,7 +66,7 @@ def performance_parts(session: Session, estimate: Estimate, evaluation: Evaluati
         figures=_figures(evaluation, drawn[:MOST_ROWS]),
         findings=weighty([*session.manifest.findings, *evaluation.findings]),
         uncertainty=[words.PERFORMANCE_UNCERTAINTY],
-        references=_references(session),
+        references=truth_references(session),
         not_claimed=_not_claimed(session, evaluation),
         conformity=[_decision_rule(evaluation)] if limited else [words.NO_LIMITS],
         untraceable="" if any(m.expanded_uncertainty for m in shown) else words.UNKNOWN_TRUTH,
@@ -195,22 +195,6 @@ def _procedure(session: Session, estimate: Estimate, evaluation: Evaluation) -> 
 def _with_parameters(name: str, parameters: dict[str, float]) -> str:
     shown = ", ".join(f"{key} {value:g}" for key, value in parameters.items())
     return f"{name} ({shown})" if shown else name
-
-
-def _references(session: Session) -> list[str]:
-    """What the truth is."""
-    if session.has_protocol:
-        return arm_reference(session)
-    told = []
-    for name, record in session.manifest.sensors.items():
-        if session.truth_file(name) is not None:
-            known = "nobody states how far it may be off"
-            if record.truth_sd_deg is not None:
-                known = f"standard uncertainty {record.truth_sd_deg:.2g} deg about each axis"
-                known += f", {record.truth_sd_from}" if record.truth_sd_from else ""
-            truth = record.truth or "the orientations that came with the recording"
-            told.append(f"Reference of {name}: {truth}; {known}.")
-    return told
 
 
 def _not_claimed(session: Session, evaluation: Evaluation) -> list[str]:

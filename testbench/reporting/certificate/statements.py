@@ -78,6 +78,22 @@ def arm_reference(session: Session) -> list[str]:
     return [words.ARM_REFERENCE.format(arm=robot.name, why=why)]
 
 
+def truth_references(session: Session) -> list[str]:
+    """What the truth is: the arm's, or that which came with a recording."""
+    if session.has_protocol:
+        return arm_reference(session)
+    told = []
+    for name, record in session.manifest.sensors.items():
+        if session.truth_file(name) is not None:
+            known = "nobody states how far it may be off"
+            if record.truth_sd_deg is not None:
+                known = f"standard uncertainty {record.truth_sd_deg:.2g} deg about each axis"
+                known += f", {record.truth_sd_from}" if record.truth_sd_from else ""
+            truth = record.truth or "the orientations that came with the recording"
+            told.append(f"Reference of {name}: {truth}; {known}.")
+    return told
+
+
 def validity_of(session: Session, laboratory: Laboratory) -> list[str]:
     """What any results hold for."""
     told = [words.ONLY_ITEMS, words.NO_INTERVAL, words.IN_FULL]

@@ -356,6 +356,17 @@ def test_a_session_that_was_changed_is_refused(
     assert not (changed.path / "certificates").exists()
 
 
+def test_nothing_is_written_through_a_link_of_a_session(
+    device: Session, laboratory: Path, tmp_path: Path
+) -> None:
+    linked = copied(device, tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    (linked.path / "certificates").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="is a symbolic link"):
+        certify(linked, CertificateRequest(kind="noise", laboratory=laboratory))
+    assert list((tmp_path / "elsewhere").iterdir()) == []
+
+
 def test_findings_that_change_a_conclusion_are_carried(
     device: Session, laboratory: Path, tmp_path: Path
 ) -> None:
