@@ -45,6 +45,8 @@ ONE_AXIS = 0.01
 """Turning about one axis: across it is less than this part of the rates' variance."""
 PRIOR_BIAS = np.radians(10.0)
 """What a fitted bias may be, about what it is at rest [rad/s]."""
+SAME_SLOPES = np.radians(3.0)
+"""Slopes by a bias are kept where it changes by no more turn over a window than this [rad]."""
 BIAS_WITHIN, REST_WITHIN = np.radians(30.0), np.radians(3.0)
 """A fitted bias may be so large, or differ by so much from what is read at rest, for slow turning
 passes for rest [rad/s].
@@ -239,13 +241,13 @@ class Pair:
             one: The reading, shape (3, 3).
             bias: To begin with, shape (3,) [rad/s].
         """
-        step, slopes = 0.005, None
+        step, turned, slopes = 0.005, np.inf, np.empty(0)
+        lasting = float(np.max(self.windows.ends[:, -1] - self.windows.begins[:, 0]))
         for _ in range(2):
             begin = self.deviations(scale, one, bias)
-            if slopes is None:
-                # once: they hardly change over what a bias can be, and cost three times as much
-                turned = [self.deviations(scale, one, bias + step * axis) for axis in np.eye(3)]
-                slopes = np.stack([(each - begin) / step for each in turned], axis=-1)
+            if turned > SAME_SLOPES:
+                moved = [self.deviations(scale, one, bias + step * axis) for axis in np.eye(3)]
+                slopes = np.stack([(each - begin) / step for each in moved], axis=-1)
             # windows that something shakes count less
             weight = 1 / (
                 np.sum(begin**2, axis=(1, 2)) / begin.shape[1] + (FLOOR * self.usual) ** 2
@@ -253,7 +255,9 @@ class Pair:
             left = np.einsum("w,wbik,wbil->kl", weight, slopes, slopes)
             right = np.einsum("w,wbik,wbi->k", weight, slopes, begin)
             prior = np.eye(3) * self.windows.independent / PRIOR_BIAS**2
-            bias = bias - np.linalg.solve(left + prior, right)
+            change = np.linalg.solve(left + prior, right)
+            turned = abs(scale) * float(np.linalg.norm(change)) * lasting * self.windows.seconds
+            bias = bias - change
         return bias
 
     def deviations(self, scale: float, one: np.ndarray, bias: np.ndarray) -> np.ndarray:
