@@ -58,8 +58,8 @@ def wrapped_rows(column: np.ndarray, low: float, high: float) -> np.ndarray:
         high: Largest.
     """
     span = high - low
-    step = np.diff(column)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # infinite readings, of which others tell
+        step = np.diff(column)
         jumps = np.flatnonzero(np.abs(step) > LEAST_JUMP * span)
         turns = np.round(step / span)
         left = np.abs(step - span * turns) / span  # what is left of each step, the range added

@@ -86,7 +86,8 @@ class LostRows:
 
     def _look(self, time: np.ndarray, gyr: np.ndarray, acc: np.ndarray) -> None:
         """Jumps among some rows, but for those before the last of them that was looked at."""
-        found = find_jumps(gyr, acc, self._step / NANOSECONDS)
+        with np.errstate(invalid="ignore"):  # infinite readings, of which others tell
+            found = find_jumps(gyr, acc, self._step / NANOSECONDS)
         for row, lost_s in found:
             if int(time[row]) > self._done:
                 self._jumps.append(Jump(int(time[row]), lost_s))
@@ -121,8 +122,7 @@ def find_jumps(gyr: np.ndarray, acc: np.ndarray, step_s: float) -> list[tuple[in
         return []
     rate, force = _jumps(gyr), _jumps(acc)
     sizes = rotation.lengths(rate), rotation.lengths(force)
-    with np.errstate(invalid="ignore"):
-        rows = np.flatnonzero((sizes[0] > LEAST_RATE) & (sizes[1] > LEAST_FORCE))
+    rows = np.flatnonzero((sizes[0] > LEAST_RATE) & (sizes[1] > LEAST_FORCE))
     found = []
     for at in rows.tolist():
         away = np.concatenate([np.arange(at - FAR, at - NEAR + 1), np.arange(at + NEAR, at + FAR)])
