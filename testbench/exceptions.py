@@ -21,6 +21,18 @@ class BenchError(Exception):
     exit_code = 3
     session: object = None
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """How another process gets it: by its sentence, for its own arguments are not kept."""
+        return _again, (type(self), self.args, self.__dict__)
+
+
+def _again(
+    kind: type[BenchError], args: tuple[object, ...], state: dict[str, object]
+) -> BenchError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(state)
+    return error
+
 
 class InputError(BenchError):
     """The user's input was refused before anything moved."""
