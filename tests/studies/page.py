@@ -28,7 +28,7 @@ PAGE = DOCS / "studies.md"
 TEMPLATE, VALUES = (
     Path(__file__).with_name(name) for name in ("studies.md.j2", "page_values.json")
 )
-STUDIES = tuple(f"reference-{i}" for i in range(1, 5))
+STUDIES = tuple(f"reference-{i}" for i in range(1, 6))
 WIDTH = 130
 """Of a sentence that a study says."""
 Look = Callable[[str], list[Any]]
