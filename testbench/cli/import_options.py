@@ -92,6 +92,13 @@ HemisphereOption = Annotated[
         "the accelerometer.",
     ),
 ]
+SimulatedOption = Annotated[
+    bool,
+    _left_open(
+        "--simulated",
+        help="The samples come from a model: reports and whatever else shows them say so.",
+    ),
+]
 TruthOption = Annotated[
     Path | None,
     _of_truth(

@@ -28,6 +28,7 @@ from testbench.cli.import_options import (
     RobotOption,
     SegmentOption,
     SequenceOption,
+    SimulatedOption,
     StandingOption,
     TruthAngleOption,
     TruthClusterOption,
@@ -86,6 +87,7 @@ def import_files(
     recorded_at: RecordedAtOption = None,
     encoding: EncodingOption = None,
     hemisphere: HemisphereOption = None,
+    simulated: SimulatedOption = False,
     truth: TruthOption = None,
     robot: RobotOption = None,
     link: LinkOption = None,
@@ -115,8 +117,8 @@ def import_files(
 
     of_body = any((joint, sequence, place_by, standing, forward, segment))
     if guess:
-        further = (mapping, axes, recorded_at, encoding, hemisphere, truth, of_body or None)
-        if any(option is not None for option in further):
+        further = (mapping, axes, recorded_at, encoding, hemisphere, truth)
+        if of_body or simulated or any(option is not None for option in further):
             raise InputError(
                 "--guess looks at the files by themselves: beside them it takes --out, --rate and "
                 "--unit; give the other options to the import that it names"
@@ -148,6 +150,7 @@ def import_files(
             recorded_at=recorded_at,
             encoding=encoding,
             hemisphere=where,
+            simulated=simulated,
             truth=None
             if truth is None
             else TruthRequest(
@@ -254,6 +257,8 @@ def _say_imported(session: Session, json: bool) -> None:
         "stored calibrations is chosen"
     )
     say(f"recorded: {dated}")
+    if manifest.simulated_sensors:
+        say("simulated: the samples come from a model")
     say(f"session: {session.path}")
 
 

@@ -191,6 +191,7 @@ def import_recording(
         raise with_other_format(error, name) from None
     options.check_all_used(name)
     recording.answered = frozenset(options.units)
+    recording.simulated |= options.simulated
     recording.recorded = (
         stated or recording.recorded or earliest(recorded_in_name(file) for file in files)
     )

@@ -26,6 +26,7 @@ class Options:
         recorded_at: When it was recorded, ISO 8601, where the files do not say, or say it wrongly.
         encoding: Of text files; None to go by their first bytes.
         hemisphere: Where it was recorded, which tells whether the magnetic field points down.
+        simulated: Whether the samples come from a model.
         asked: What an importer has asked for so far.
     """
 
@@ -36,6 +37,7 @@ class Options:
     recorded_at: str | None = None
     encoding: str | None = None
     hemisphere: Literal["north", "south"] | None = None
+    simulated: bool = False
     asked: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:

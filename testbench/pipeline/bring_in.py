@@ -47,6 +47,7 @@ def bring_in(asked: ImportRequest, clock: Clock | None = None) -> Session:
         asked.recorded_at,
         asked.encoding,
         asked.hemisphere,
+        asked.simulated,
     )
     truth = None if asked.truth is None else _truth(asked.truth)
     body = None if asked.body is None else body_of(asked.body)

@@ -153,13 +153,14 @@ EXAMPLES = {
     "squat": Example(
         "three Xsens DOTs on pelvis, thigh and shank of somebody who squats, as the app exports",
         _squat,
-        "testbench import xsens_dot {folder}/*.csv --out logs/squat --joint knee=RFemur:RTibia",
+        "testbench import xsens_dot {folder}/*.csv --out logs/squat --joint knee=RFemur:RTibia"
+        " --simulated",
     ),
     "phone": Example(
         "a phone that is turned by hand, by the app phyphox, and what cameras saw (optical.csv)",
         _phone,
         "testbench import generic {folder}/Accelerometer.csv {folder}/Gyroscope.csv "
-        "--mapping phyphox --truth {folder}/optical.csv --out logs/phone",
+        "--mapping phyphox --truth {folder}/optical.csv --out logs/phone --simulated",
     ),
     "walk": Example(
         "the motion of a foot that walks 12 strides of 1.25 m, to simulate a sensor on",

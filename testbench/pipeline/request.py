@@ -627,6 +627,9 @@ class ImportRequest(Asked):
         default=None,
         description="Where it was recorded: with a magnetometer it tells the accelerometer's sign.",
     )
+    simulated: bool = Field(
+        default=False, description="Whether the samples come from a model, which is said with them."
+    )
     truth: TruthRequest | None = Field(
         default=None, description="Where the truth is, if not there."
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,8 @@ from testbench.exceptions import InputError, NotFoundError
 from testbench.frames import NANOSECONDS
 from testbench.model import example_motions, rotation
 from testbench.pipeline.examples import EXAMPLES, write_example
+from testbench.records.session.session import Session
+from testbench.reporting.sections.run import simulated_parts
 from tests.command_line import command
 
 
@@ -28,6 +32,21 @@ def test_examples_are_the_same_every_time_and_replace_nothing(tmp_path) -> None:
 def test_files_with_a_header_say_that_they_are_simulated(tmp_path) -> None:
     for file in write_example("squat", tmp_path / "squat"):
         assert "Measurement Mode:,simulated" in file.read_text(encoding="utf-8")
+
+
+def test_what_reads_them_has_every_page_say_that_they_are_simulated(
+    tmp_path, monkeypatch, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_example("phone", tmp_path / "phone")
+    assert command(*shlex.split(EXAMPLES["phone"].next.format(folder="phone"))[1:]) == 0
+    assert "the samples come from a model" in capsys.readouterr().out
+    session = Session(tmp_path / "logs" / "phone")
+    assert session.simulated == ["sensors"]
+    assert simulated_parts(session) == "models of the sensors"
+    assert command("report", session.path) == 0
+    page = (session.path / "report.html").read_text(encoding="utf-8")
+    assert "these samples come from models of the sensors" in page
 
 
 def test_the_knee_bends_about_one_axis_as_far_as_it_should() -> None:

@@ -41,7 +41,11 @@ def pdf_of(certificate: Certificate, json_name: str) -> bytes:
 
     with TemporaryDirectory(prefix="testbench_certificate_") as name:
         _fill(Path(name), certificate)
-        return bytes(typst.compile(Path(name) / LAYOUT.name, **_told(name, certificate, json_name)))
+        return bytes(
+            typst.compile(
+                Path(name) / LAYOUT.name, root=Path(name), sys_inputs=_told(certificate, json_name)
+            )
+        )
 
 
 def _fill(folder: Path, certificate: Certificate) -> None:
@@ -54,6 +58,6 @@ def _fill(folder: Path, certificate: Certificate) -> None:
         (folder / f"figure_{i}.svg").write_bytes(svg_of(figure))
 
 
-def _told(root: str, certificate: Certificate, json_name: str) -> dict[str, object]:
+def _told(certificate: Certificate, json_name: str) -> dict[str, str]:
     digest = hashlib.sha256(certificate.text().encode()).hexdigest()
-    return {"root": root, "sys_inputs": {"json_name": json_name, "json_sha256": digest}}
+    return {"json_name": json_name, "json_sha256": digest}

@@ -59,7 +59,8 @@ def facts(session: Session) -> list[tuple[str, str]]:
 def simulated_parts(session: Session) -> str:
     """What of a recording came from a model, in a few words; empty if nothing did."""
     arm = session.manifest.arm.record
-    sensors = [sensor.simulated for sensor in session.manifest.sensors.values()]
+    whole = session.manifest.kind == "import" and session.manifest.simulated_sensors
+    sensors = [whole or sensor.simulated for sensor in session.manifest.sensors.values()]
     if arm is not None and arm.simulated:
         return (
             "models of the arm and of the sensors, not from real ones"
