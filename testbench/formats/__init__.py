@@ -190,8 +190,6 @@ def import_recording(
     except FileProblems as error:
         raise with_other_format(error, name) from None
     options.check_all_used(name)
-    recording.answered = frozenset(options.units)
-    recording.simulated |= options.simulated
     recording.recorded = (
         stated or recording.recorded or earliest(recorded_in_name(file) for file in files)
     )
@@ -202,8 +200,7 @@ def import_recording(
         head = sensor.head()
         if head is None or not len(head):
             raise FileProblems(files[0], [Problem(f"sensor '{key}' has no samples")])
-        if options.hemisphere is not None:
-            sensor.details["hemisphere"] = options.hemisphere
+    _say_so(recording, options)
     if options.axes is not None:
         remap_axes(recording, find_axes(options.axes), options.axes)
     _with_body(recording, body)
@@ -212,6 +209,15 @@ def import_recording(
 
         attach_truth(recording, truth)
     return write_recording(recording, files, name, out, clock)
+
+
+def _say_so(recording: Recording, options: Options) -> None:
+    """What a person says of the samples goes with them."""
+    recording.answered = frozenset(options.units)
+    recording.simulated |= options.simulated
+    if options.hemisphere is not None:
+        for sensor in recording.sensors.values():
+            sensor.details["hemisphere"] = options.hemisphere
 
 
 def _check_out(out: Path) -> None:
