@@ -34,10 +34,10 @@ class OnceCommand(TyperCommand):
 def values_left_away(command: TyperCommand) -> dict[str, tuple[str, ...]]:
     """Options of a command whose value may be left away, and their values.
 
-    Their help shows them as `[first|second]`; the first one is meant where there is none.
+    Their help shows them as `(first|second)`; the first one is meant where there is none.
     """
     shown = {
-        name: re.fullmatch(r"\[(\w+(?:\|\w+)+)\]", getattr(own, "metavar", None) or "")
+        name: re.fullmatch(r"\((\w+(?:\|\w+)+)\)", getattr(own, "metavar", None) or "")
         for own in command.params
         for name in own.opts
     }

@@ -35,7 +35,7 @@ ViewOption = Annotated[
     Viewing | None,
     typer.Option(
         "--view",
-        metavar="native|web",
+        metavar="(native|web)",
         help="Show it while it is recorded, in a window (native, also where nothing is said) or on "
         "a page. Closing either changes nothing.",
     ),

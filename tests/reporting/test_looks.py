@@ -31,8 +31,9 @@ def test_nothing_of_a_report_overlaps_or_sticks_out(
     if width > 500:
         assert looked.serious is not None
         assert looked.first_figure is not None and looked.first_figure < FIRST_FIGURE
-    pixels = picture(page, tmp_path / "page.png", tmp_path, (width, 1400), *flags)
-    assert not is_blank(pixels)
+    if width > 500 and not flags:  # one drawing will do: test_report has the dark one
+        pixels = picture(page, tmp_path / "page.png", tmp_path, (width, 1400), *flags)
+        assert not is_blank(pixels)
 
 
 def test_quick_takes_few_sheets_of_paper(page: Path, tmp_path: Path) -> None:

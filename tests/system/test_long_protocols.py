@@ -10,7 +10,7 @@ import pytest
 
 from tests.benchmarks.long_protocols import MOST_MB, Measured, measure, write_protocol
 
-MINUTES, RATE = (15, 35), 100
+MINUTES, RATE = (8, 20), 100
 MOST_MB_AN_HOUR = 600.0
 """Of two sensors at 100 Hz, 720,000 samples an hour, as long as each of them has so few that all
 are kept; 500 were measured.

@@ -49,14 +49,14 @@ def test_the_published_numbers_are_those_of_the_source():
 
 @pytest.fixture(scope="module")
 def study(altered_protocol, tmp_path_factory):
-    """A sixth of the swings and squats, eight strides by the cheaper model of the sensors.
+    """A quarter of the swings and squats, eight strides by the cheaper model of the sensors.
 
     One walker, and three runs of each rig with sensors of their own.
     """
 
     def fewer(spec):
         for sweep in spec["sections"][1]["steps"][0]["sweep"].values():
-            sweep["sine"]["cycles"] = 5
+            sweep["sine"]["cycles"] = 7
         spec["estimate"]["chain"]["settling_s"] = 3
 
     def walk(spec):
